@@ -27,7 +27,7 @@ bench: $(VENV)/.test  ## all benchmarks; FACETCAM_DATA=folder says where the fil
 	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python "$$script" || exit 1; done
 
 docs: $(VENV)/.docs  ## build the documentation into site/
-	$(RUN) mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(RUN) mkdocs build --strict --quiet
 
 lint: $(VENV)/.dev  ## ruff, mypy and clang-format, without changing anything
 	$(RUN) ruff check

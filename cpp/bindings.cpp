@@ -3,7 +3,4 @@
 
 namespace nb = nanobind;
 
-
-NB_MODULE(_core, m) {
-    m.doc() = "Native kernels of facetcam.";
-}
+NB_MODULE(_core, m) { m.doc() = "Native kernels of facetcam."; }
