@@ -1,0 +1,7 @@
+"""The rig model: camera, mirrors, views, their files and presets."""
+
+from facetcam.rig.camera import Camera
+from facetcam.rig.mirrors import Mirror
+from facetcam.rig.rig import NO_VIEW, Rig, View
+
+__all__ = ["NO_VIEW", "Camera", "Mirror", "Rig", "View"]
