@@ -1,0 +1,18 @@
+"""What a run looks like: self-contained HTML reports."""
+
+from __future__ import annotations
+
+from .pages import write_demo_report, write_slam_report, write_unwrap_report
+from .report import Check, DemoReport, Picture, SlamReport, Truth, UnwrapReport
+
+__all__ = [
+    "Check",
+    "DemoReport",
+    "Picture",
+    "SlamReport",
+    "Truth",
+    "UnwrapReport",
+    "write_demo_report",
+    "write_slam_report",
+    "write_unwrap_report",
+]

@@ -1,0 +1,150 @@
+"""Figures for a report, as SVG that takes its ink from the page and so works on light and dark ground."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .palette import view_colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# matplotlib writes fixed colours; these marks are replaced by the page's CSS variables afterwards.
+INK, MUTED, LINE = "#010203", "#040506", "#070809"
+CSS_OF_MARK = {INK: "var(--ink)", MUTED: "var(--muted)", LINE: "var(--line)"}
+BAR_COLOUR, TRUTH_COLOUR, ERROR_COLOUR, CLOUD_COLOUR = "#1aa179", "#e8890c", "#e5484d", "#8a94a3"
+MAX_SAMPLES = 1500  # along time; more would only make the page heavy
+
+Array = NDArray[np.floating]
+
+
+def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None) -> str:
+    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (M, 3) from above, metres."""
+    figure, axes = new_figure(6.8, 5.2)
+    if len(cloud):
+        seen = near(cloud, np.vstack([path, keyframes]))
+        # Thousands of vector dots would weigh megabytes: this one layer is a picture inside the SVG.
+        axes.plot(*seen[:, :2].T, ".", ms=1.6, color=CLOUD_COLOUR, alpha=0.55, rasterized=True, label="map")
+    if truth is not None and len(truth):
+        axes.plot(truth[:, 0], truth[:, 1], color=TRUTH_COLOUR, lw=2.4, alpha=0.8, label="truth, aligned")
+    axes.plot(path[:, 0], path[:, 1], color=view_colour(0), lw=1.5, label="estimate")
+    if len(keyframes):
+        axes.plot(keyframes[:, 0], keyframes[:, 1], "o", ms=2.6, color=view_colour(0), label="keyframes")
+    if len(path):
+        axes.plot(*path[0, :2], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel("x (m)")
+    axes.set_ylabel("y (m)")
+    legend_above(axes, 5)
+    return to_svg(figure)
+
+
+def counts_figure(times: Array, inliers: NDArray[np.integer], predicted: Array, names: Sequence[str]) -> str:
+    """Measured map points (N, V) of each view stacked over `times` (s); a line shows those expected (N,)."""
+    figure, axes = new_figure(11.6, 3.0)
+    keep = thinned(len(times))
+    seconds = times[keep] - times[0]
+    colours = [view_colour(i) for i in range(len(names))]
+    axes.stackplot(seconds, inliers[keep].T, colors=colours, alpha=0.75, labels=names, lw=0)
+    axes.plot(seconds, predicted[keep], color=MUTED, lw=0.8, label="expected")
+    over_time(axes, seconds, "points")
+    legend_above(axes, len(names) + 1)
+    return to_svg(figure)
+
+
+def error_figure(times: Array, errors: Array) -> str:
+    """Distance to the truth (M,) in metres over `times` (s), with its root mean square."""
+    figure, axes = new_figure(11.6, 2.6)
+    keep = thinned(len(times))
+    seconds, centimetres = times[keep] - times[0], 100.0 * errors[keep]
+    rms = 100.0 * float(np.sqrt(np.mean(errors**2)))
+    axes.fill_between(seconds, centimetres, color=ERROR_COLOUR, alpha=0.18, lw=0)
+    axes.plot(seconds, centimetres, color=ERROR_COLOUR, lw=1.3, label="distance to truth")
+    axes.axhline(rms, color=MUTED, lw=1.0, ls=(0, (5, 3)), label=f"root mean square {rms:.2f} cm")
+    over_time(axes, seconds, "cm")
+    legend_above(axes, 2)
+    return to_svg(figure)
+
+
+def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
+    """Median seconds of each stage as bars, a whisker to the 95th percentile."""
+    named = [(name, 1000.0 * np.asarray(seconds)) for name, seconds in stages.items() if len(seconds)]
+    figure, axes = new_figure(4.1, 0.8 + 0.3 * len(named))
+    for row, (_, milliseconds) in enumerate(named):
+        median, slow = np.percentile(milliseconds, [50, 95])
+        axes.barh(row, median, height=0.62, color=BAR_COLOUR, alpha=0.85)
+        axes.plot([median, slow], [row, row], color=INK, lw=1.0)
+        label = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
+        axes.annotate(f"{median:.1f}", (slow, row), color=INK, **label)
+    axes.set_yticks(range(len(named)), [name for name, _ in named])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.margins(x=0.12)
+    axes.set_xlim(left=0)
+    axes.set_xlabel("ms: median, line to 95 %")
+    return to_svg(figure)
+
+
+def near(cloud: Array, path: Array) -> Array:
+    """The map points worth drawing: not those so far off that they would shrink the path to a dot."""
+    middle = np.median(cloud[:, :2], axis=0) if not len(path) else path[:, :2].mean(axis=0)
+    distance = np.linalg.norm(cloud[:, :2] - middle, axis=1)
+    reach = np.linalg.norm(path[:, :2] - middle, axis=1).max(initial=0.0)
+    kept: Array = cloud[distance <= max(np.percentile(distance, 95), 1.5 * reach)]
+    return kept
+
+
+def thinned(count: int) -> slice:
+    return slice(None, None, max(1, count // MAX_SAMPLES))
+
+
+def over_time(axes: Axes, seconds: Array, unit: str) -> None:
+    axes.set_xlim(0.0, max(float(seconds[-1]), 1e-3))
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel(unit)
+
+
+def legend_above(axes: Axes, columns: int) -> None:
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, labelcolor=INK,
+        borderaxespad=0.2, handlelength=1.4, columnspacing=1.4,
+    )  # fmt: skip
+
+
+def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
+    """An empty figure (inches) in the style of the page: no box, faint grid."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained", facecolor="none")
+    axes = figure.add_subplot(facecolor="none")
+    axes.spines[["top", "right", "left", "bottom"]].set_visible(False)
+    axes.grid(color=LINE, lw=0.8)
+    axes.set_axisbelow(True)
+    axes.tick_params(colors=MUTED, length=0)
+    axes.xaxis.label.set_color(MUTED)
+    axes.yaxis.label.set_color(MUTED)
+    return figure, axes
+
+
+def to_svg(figure: Figure) -> str:
+    """The `<svg>` element of a figure, its marks replaced by CSS variables and its text left as text."""
+    import matplotlib as mpl
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)  # names of views come from files: a $ is a $
+    buffer = io.StringIO()
+    # A fixed salt makes the ids, and so the whole page, the same in every run.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "facetcam", "font.size": 10}):
+        figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
+    svg = buffer.getvalue()
+    for mark, css in CSS_OF_MARK.items():
+        svg = svg.replace(mark, css)
+    return svg[svg.index("<svg") :]
