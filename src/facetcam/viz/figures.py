@@ -80,8 +80,8 @@ def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
         median, slow = np.percentile(milliseconds, [50, 95])
         axes.barh(row, median, height=0.62, color=BAR_COLOUR, alpha=0.85)
         axes.plot([median, slow], [row, row], color=INK, lw=1.0)
-        label = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
-        axes.annotate(f"{median:.1f}", (slow, row), color=INK, **label)
+        end = axes.annotate(f"{median:.1f}", (slow, row), (5, 0), textcoords="offset points", color=INK)
+        end.set_verticalalignment("center")
     axes.set_yticks(range(len(named)), [name for name, _ in named])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
