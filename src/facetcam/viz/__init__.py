@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .pages import write_demo_report, write_slam_report, write_unwrap_report
-from .report import Check, DemoReport, Picture, SlamReport, Truth, UnwrapReport
+from facetcam.viz.pages import write_demo_report, write_slam_report, write_unwrap_report
+from facetcam.viz.report import Check, DemoReport, Picture, SlamReport, Truth, UnwrapReport
 
 __all__ = [
     "Check",

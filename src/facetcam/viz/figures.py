@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .palette import view_colour
+from facetcam.viz.palette import view_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,12 +12,12 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from .. import __version__
-from ..errors import OutputError
-from . import figures, wording
-from .palette import view_colour
-from .pictures import data_uri, draw_points
-from .report import DemoReport, Picture, SlamReport, UnwrapReport
+from facetcam import __version__
+from facetcam.errors import OutputError
+from facetcam.viz import figures, wording
+from facetcam.viz.palette import view_colour
+from facetcam.viz.pictures import data_uri, draw_points
+from facetcam.viz.report import DemoReport, Picture, SlamReport, UnwrapReport
 
 THUMBNAIL_WIDTH = 760  # pixels, enough for half a page on a sharp screen
 

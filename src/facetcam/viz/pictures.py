@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .palette import view_bgr
+from facetcam.viz.palette import view_bgr
 
 JPEG_QUALITY = 82
 

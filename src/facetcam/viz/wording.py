@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from .report import SlamReport
+from facetcam.viz.report import SlamReport
 
 BAD, FAIR, GOOD = "bad", "fair", "good"
 
