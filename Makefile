@@ -3,7 +3,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
-INPUTS := pyproject.toml CMakeLists.txt $(wildcard cpp/*)
+NATIVE := $(wildcard cpp/*)
+INPUTS := pyproject.toml CMakeLists.txt $(NATIVE)
 OUT ?= out/demo-$(shell date +%Y%m%d-%H%M%S)
 
 .DEFAULT_GOAL := help
@@ -33,12 +34,12 @@ lint: $(VENV)/.dev  ## ruff, mypy and clang-format, without changing anything
 	$(RUN) ruff check
 	$(RUN) ruff format --check
 	$(RUN) mypy
-	$(BIN)/clang-format --dry-run --Werror $(wildcard cpp/*.cpp cpp/*.h)
+	$(BIN)/clang-format --dry-run --Werror $(NATIVE)
 
 format: $(VENV)/.dev  ## let ruff and clang-format rewrite the sources
 	$(RUN) ruff check --fix
 	$(RUN) ruff format
-	$(BIN)/clang-format -i $(wildcard cpp/*.cpp cpp/*.h)
+	$(BIN)/clang-format -i $(NATIVE)
 
 clean:  ## remove everything that was built
 	rm -rf $(VENV) build dist site

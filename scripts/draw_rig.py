@@ -1,4 +1,4 @@
-"""Draw docs/images/rig.svg: a cut through the `ryu` rig with traced camera rays, as the documentation shows it."""
+"""Draw docs/images/rig.svg: a cut through the `ryu` rig with its traced camera rays."""
 
 from __future__ import annotations
 
