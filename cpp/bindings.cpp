@@ -1,6 +1,7 @@
 // The thin border to Python: checks array types, releases the GIL, calls the kernels.
-#include <nanobind/nanobind.h>
+#include "bindings.hpp"
 
-namespace nb = nanobind;
-
-NB_MODULE(_core, m) { m.doc() = "Native kernels of facetcam."; }
+NB_MODULE(_core, m) {
+    m.doc() = "Native kernels of facetcam.";
+    facetcam::bind_features(m);
+}

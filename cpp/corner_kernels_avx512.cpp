@@ -1,0 +1,2 @@
+#define FACETCAM_ISA avx512
+#include "corner_kernels.inl"

@@ -1,0 +1,56 @@
+#include "light.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace facetcam {
+namespace {
+
+constexpr double kMedianValue = 64.0;  // where the median comes to lie before the logarithm
+
+template <class Pixel>
+std::vector<std::uint32_t> histogram(const ImageView& image, const MaskView& mask) {
+    const std::size_t bins = std::size_t{1} << (8 * sizeof(Pixel));
+    std::vector<std::uint32_t> counts(2 * bins);  // two interleaved histograms hide the store latency
+    for (int y = 0; y < image.height; ++y) {
+        const char* row = static_cast<const char*>(image.data) + y * image.row_stride;
+        for (int x = 0; x < image.width; ++x)
+            if (mask.at(x, y))
+                ++counts[2 * *reinterpret_cast<const Pixel*>(row + x * image.column_stride) + (x & 1)];
+    }
+    for (std::size_t i = 0; i < bins; ++i) counts[i] = counts[2 * i] + counts[2 * i + 1];
+    counts.resize(bins);
+    return counts;
+}
+
+// Quantile with linear interpolation inside the bin, so that it moves smoothly with the image.
+double quantile(const std::vector<std::uint32_t>& counts, double share) {
+    double total = 0.0, seen = 0.0;
+    for (auto c : counts) total += c;
+    const double wanted = share * total;
+    for (std::size_t i = 0; i < counts.size(); ++i) {
+        if (counts[i] && seen + counts[i] >= wanted) return i - 0.5 + (wanted - seen) / counts[i];
+        seen += counts[i];
+    }
+    return 0.0;
+}
+
+}  // namespace
+
+LightLevels measure_light(const ImageView& image, const MaskView& mask) {
+    const auto counts = image.type == PixelType::u8 ? histogram<std::uint8_t>(image, mask)
+                                                    : histogram<std::uint16_t>(image, mask);
+    return {quantile(counts, 0.01), quantile(counts, 0.5)};
+}
+
+std::vector<float> log_table(PixelType type, const LightLevels& light, double eta) {
+    const double unit = type == PixelType::u8 ? 1.0 : 257.0;  // one grey step of an 8 bit image
+    const double gain = kMedianValue / (light.median - light.black + unit);
+    std::vector<float> table(type == PixelType::u8 ? 256 : 65536);
+    for (std::size_t i = 0; i < table.size(); ++i)
+        table[i] = static_cast<float>(
+            std::log(std::max(gain * (static_cast<double>(i) - light.black), 1.0 - eta) + eta));
+    return table;
+}
+
+}  // namespace facetcam

@@ -1,0 +1,55 @@
+// The image as the detector sees it: a transfer from grey values to light-compensated values, and its
+// octaves.
+#pragma once
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace facetcam {
+
+enum class PixelType { u8, u16, f32 };
+
+// A grey image of any stride, as the caller holds it (strides in bytes).
+struct ImageView {
+    const void* data;
+    PixelType type;
+    int width, height;
+    std::ptrdiff_t row_stride, column_stride;
+};
+
+// Grid of an octave in source pixels: source = origin + step * octave.
+struct OctaveGrid {
+    int width, height;
+    float origin_x, origin_y, step;
+};
+
+// Octave 0 is read through the table; the others are stored. Halving keeps the grid centred on the image, for
+// odd and even sizes alike, so a flipped or turned image has the flipped or turned octaves.
+class Octaves {
+ public:
+    Octaves(const ImageView& image, const std::vector<float>& table, int count, int threads);
+
+    int count() const { return static_cast<int>(grids_.size()); }
+    const OctaveGrid& grid(int octave) const { return grids_[octave]; }
+    // Writes the row with `pad` mirrored pixels on both sides; `out` points at pixel 0.
+    void read_row(int octave, int y, int pad, float* out) const;
+    // Direction from a point to the centroid of the values in a disc round it, radians in [0, 2 pi).
+    float centroid_angle(int octave, float x, float y, int radius) const;
+
+ private:
+    void build(int octave, int threads);
+    void transfer_row(int y, float* out) const;
+    float value(int octave, int x, int y) const;
+
+    ImageView image_;
+    const std::vector<float>& table_;
+    std::vector<OctaveGrid> grids_;
+    std::vector<std::vector<float>> planes_;
+};
+
+// Index mirrored at the borders without repeating the border pixel.
+inline int mirrored(int i, int n) { return i < 0 ? -i : i >= n ? 2 * n - 2 - i : i; }
+
+void mirror_ends(float* row, int n, int pad);
+
+}  // namespace facetcam

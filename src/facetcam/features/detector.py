@@ -1,0 +1,102 @@
+"""What all detectors share: the interface of ``cv2.Feature2D`` and checked parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.errors import ConfigError
+from facetcam.features.descriptors import DESCRIPTOR_BYTES, describe
+from facetcam.features.images import Image, Mask, as_grey, as_mask
+from facetcam.features.keypoints import Keypoints
+
+Descriptors = NDArray[np.uint8]
+
+
+class Detector(ABC):
+    """A keypoint detector whose parameters are the fields of a frozen dataclass.
+
+    Parameters
+    ----------
+    options
+        An instance of the class's ``Options``; `create` makes it from keywords.
+    """
+
+    Options: ClassVar[type[Any]]
+
+    def __init__(self, options: Any = None) -> None:
+        self.options = self.Options() if options is None else options
+
+    @classmethod
+    def create(cls, **params: Any) -> Self:
+        """Make a detector from keyword parameters.
+
+        Raises
+        ------
+        ConfigError
+            An unknown parameter (the message names the nearest one) or a value out of range.
+        """
+        known = [field.name for field in dataclasses.fields(cls.Options)]
+        for name in params:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, 1)
+                hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
+                raise ConfigError(f"{cls.__name__}: unknown parameter {name!r}; {hint}")
+        return cls(cls.Options(**params))
+
+    def detect(self, image: Image, mask: Image | None = None) -> Keypoints:
+        """Find keypoints, strongest first.
+
+        Parameters
+        ----------
+        image : (H, W) or (H, W, 3) uint8, uint16, float32 or float64
+            Grey or BGR, any strides.
+        mask : (H, W) uint8 or bool, optional
+            Points lie where it is nonzero.
+
+        Raises
+        ------
+        FacetcamError
+            An image or mask of wrong type or shape, or with pixels that are not finite.
+        """
+        grey = as_grey(image)
+        return self._detect(grey, as_mask(mask, grey.shape))
+
+    def compute(self, image: Image, keypoints: Keypoints) -> tuple[Keypoints, Descriptors]:
+        """Describe keypoints; those too near to the border are dropped. See `describe`."""
+        return describe(image, keypoints)
+
+    def detectAndCompute(self, image: Image, mask: Image | None = None) -> tuple[Keypoints, Descriptors]:
+        """Find and describe keypoints."""
+        return self.compute(image, self.detect(image, mask))
+
+    def descriptorSize(self) -> int:
+        """Bytes of one descriptor."""
+        return DESCRIPTOR_BYTES
+
+    def descriptorType(self) -> int:
+        """OpenCV's type of the descriptors."""
+        return int(cv2.CV_8U)
+
+    def defaultNorm(self) -> int:
+        """OpenCV's norm to compare descriptors by."""
+        return int(cv2.NORM_HAMMING)
+
+    @abstractmethod
+    def _detect(self, grey: Image, mask: Mask | None) -> Keypoints:
+        """Find keypoints in a checked grey image."""
+
+
+def require(owner: str, name: str, value: float | None, low: float, high: float = np.inf) -> None:
+    """Raise ConfigError unless the value is a number in [low, high]."""
+    if value is None or isinstance(value, bool) or not isinstance(value, int | float | np.number):
+        raise ConfigError(f"{owner}: {name} must be a number, got {value!r}")
+    if not low <= value <= high:
+        limit = f"at least {low:g}" if np.isinf(high) else f"between {low:g} and {high:g}"
+        raise ConfigError(f"{owner}: {name} must be {limit}, got {value!r}")

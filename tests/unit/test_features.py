@@ -1,0 +1,183 @@
+"""SIICF's interface: order, masks, spread, input types; descriptors and matching."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from facetcam.errors import ConfigError, FacetcamError
+from facetcam.features import SIICF, Keypoints, describe, match_mutual, match_windowed
+
+
+@pytest.fixture(scope="module")
+def scene() -> np.ndarray:
+    """Dark and bright rectangles at random, slightly blurred, with noise."""
+    rng = np.random.default_rng(7)
+    image = np.full((240, 320), 90, np.uint8)
+    for x, y, w, h, grey in rng.integers([0, 0, 8, 8, 20], [310, 230, 60, 60, 230], (80, 5)).tolist():
+        cv2.rectangle(image, (x, y), (x + w, y + h), grey, -1)
+    noisy = cv2.GaussianBlur(image, (0, 0), 0.7) + rng.normal(0, 1.5, image.shape)
+    return np.clip(noisy, 0, 255).astype(np.uint8)
+
+
+def test_order_is_total_and_repeatable(scene: np.ndarray) -> None:
+    first, second = SIICF.create().detect(scene), SIICF.create().detect(scene)
+    assert len(first) > 100
+    np.testing.assert_array_equal(first.xy, second.xy)
+    order = np.lexsort((first.xy[:, 0], first.xy[:, 1], -first.response))
+    np.testing.assert_array_equal(order, np.arange(len(first)))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_threads_change_nothing(scene: np.ndarray, threads: int) -> None:
+    expected = SIICF.create(threads=3).detect(scene)
+    found = SIICF.create(threads=threads).detect(scene)
+    np.testing.assert_array_equal(found.xy, expected.xy)
+    np.testing.assert_array_equal(found.angle, expected.angle)
+
+
+def test_crossing_of_a_chessboard_is_found_between_pixels() -> None:
+    big = np.full((1600, 1600), 80, np.uint8)
+    big[807:, 813:] = big[:807, :813] = 160
+    small = cv2.resize(big, (100, 100), interpolation=cv2.INTER_AREA)
+    found = SIICF.create(scales=1, border=20).detect(small)
+    crossing = np.array([813, 807]) / 16 - 0.5
+    assert np.linalg.norm(found.xy[0] - crossing) < 0.25  # the logarithm moves edges to the dark side
+
+
+def test_mask_and_limit_are_kept(scene: np.ndarray) -> None:
+    mask = np.zeros(scene.shape, bool)
+    mask[40:200, 60:150] = True
+    found = SIICF.create(max_features=50).detect(scene, mask)
+    assert len(found) == 50
+    x, y = np.rint(found.xy).astype(int).T
+    assert mask[y, x].all()
+
+
+def test_spread_fills_more_cells(scene: np.ndarray) -> None:
+    def cells(spread: int) -> int:
+        found = SIICF.create(max_features=60, spread=spread).detect(scene)
+        assert len(found) == 60
+        return len({tuple(c) for c in (found.xy // 40).astype(int).tolist()})
+
+    assert cells(40) > 1.3 * cells(0)
+
+
+@pytest.mark.parametrize("dtype", [np.uint16, np.float32, np.float64])
+def test_types_agree(scene: np.ndarray, dtype: type) -> None:
+    scale = 257 if dtype == np.uint16 else 1 / 255
+    found = SIICF.create(max_features=100).detect((scene * dtype(scale)).astype(dtype))
+    expected = SIICF.create(max_features=100).detect(scene)
+    near = np.linalg.norm(found.xy[:, None] - expected.xy, axis=2).min(axis=1)
+    assert (near < 0.05).mean() > 0.95
+
+
+def test_colour_strides_and_slices(scene: np.ndarray) -> None:
+    expected = SIICF.create().detect(scene)
+    colour = np.repeat(scene[:, :, None], 3, axis=2)
+    assert np.abs(SIICF.create().detect(colour).xy - expected.xy).max() == 0
+    strided = colour[:, :, 1]
+    assert not strided.flags.c_contiguous
+    np.testing.assert_array_equal(SIICF.create().detect(strided).xy, expected.xy)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.zeros((20, 20), np.int32), "expected an array of uint8"),
+        ([[1, 2]], "got list"),
+        (np.zeros((20,), np.uint8), "expected shape"),
+        (np.zeros((20, 20, 2), np.uint8), "expected shape"),
+        (np.zeros((0, 20), np.uint8), "at least one pixel"),
+        (np.full((40, 40), np.nan, np.float32), "NaN"),
+    ],
+)
+def test_wrong_images_say_what_is_wrong(image: np.ndarray, message: str) -> None:
+    with pytest.raises(FacetcamError, match=message):
+        SIICF.create().detect(image)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 200), (200, 3), (24, 24)])
+@pytest.mark.parametrize("value", [0, 255])
+def test_tiny_black_and_saturated_images_have_no_corners(shape: tuple[int, int], value: int) -> None:
+    keypoints, descriptors = SIICF.create().detectAndCompute(np.full(shape, value, np.uint8))
+    assert keypoints.xy.shape == (0, 2)
+    assert descriptors.shape == (0, 32)
+
+
+def test_wrong_mask_and_parameters(scene: np.ndarray) -> None:
+    with pytest.raises(FacetcamError, match="mask: expected the shape"):
+        SIICF.create().detect(scene, np.ones((10, 10), np.uint8))
+    with pytest.raises(ConfigError, match="did you mean 'max_features'"):
+        SIICF.create(max_feature=10)
+    with pytest.raises(ConfigError, match="max_features must be at least 1"):
+        SIICF.create(max_features=0)
+
+
+def test_keypoints_go_to_opencv_and_back(scene: np.ndarray) -> None:
+    found = SIICF.create(max_features=20).detect(scene)
+    again = Keypoints.from_cv2(found.to_cv2())
+    for name in ("xy", "size", "angle", "response", "level"):
+        np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-6)
+
+
+def test_descriptors_of_a_mirrored_view_match_the_direct_view(scene: np.ndarray) -> None:
+    found = SIICF.create(max_features=200).detect(scene)
+    found, direct = describe(scene, found)
+    xy = np.column_stack([scene.shape[1] - 1 - found.xy[:, 0], found.xy[:, 1]])
+    seen = Keypoints(xy, found.size, np.mod(180 - found.angle, 360), found.response, found.level)
+    kept, mirrored = describe(np.ascontiguousarray(scene[:, ::-1]), seen, flipped=True)
+    assert len(kept) > 100
+    matches = match_mutual(direct, mirrored)
+    expected = np.linalg.norm(xy[matches[:, 0]] - kept.xy[matches[:, 1]], axis=1)
+    assert (expected < 0.5).mean() > 0.95
+
+
+def brute_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.unpackbits(a[:, None] ^ b[None], axis=2).sum(axis=2)
+
+
+@pytest.mark.parametrize("width", [32, 61])
+def test_mutual_matches_are_those_of_brute_force(width: int) -> None:
+    rng = np.random.default_rng(3)
+    a, b = (rng.integers(0, 256, (n, width), dtype=np.uint8) for n in (40, 60))
+    distance = brute_distances(a, b)
+    ab, ba = distance.argmin(axis=1), distance.argmin(axis=0)
+    expected = [(i, j) for i, j in enumerate(ab) if ba[j] == i]
+    np.testing.assert_array_equal(match_mutual(a, b), expected)
+    second = np.partition(distance, 1, axis=1)[:, 1]
+    strict = [(i, j) for i, j in expected if distance[i, j] <= 0.9 * second[i]]
+    np.testing.assert_array_equal(match_mutual(a, b, ratio=0.9).reshape(-1, 2), np.reshape(strict, (-1, 2)))
+
+
+def test_windowed_matches_are_those_of_brute_force() -> None:
+    rng = np.random.default_rng(4)
+    n, m, radius, limit = 150, 200, 30.0, 120
+    a, b = (rng.integers(0, 256, (k, 32), dtype=np.uint8) for k in (n, m))
+    a_xy, b_xy = (rng.uniform(0, 300, (k, 2)).astype(np.float32) for k in (n, m))
+    a_view, b_view = rng.integers(0, 3, n), rng.integers(0, 3, m)
+    distance = brute_distances(a, b).astype(float)
+    apart = np.linalg.norm(a_xy[:, None] - b_xy, axis=2) > radius
+    distance[apart | (a_view[:, None] != b_view)] = np.inf
+    best = distance.argmin(axis=1)
+    expected = np.full(n, -1)
+    for train in range(m):
+        wanting = [q for q in range(n) if best[q] == train and distance[q, train] <= limit]
+        if wanting:
+            expected[min(wanting, key=lambda q: distance[q, train])] = train
+    found = match_windowed(a, a_xy, a_view, b, b_xy, b_view, radius, limit)
+    assert (found >= 0).sum() > 20
+    np.testing.assert_array_equal(found, expected)
+
+
+def test_matching_nothing_gives_nothing() -> None:
+    none, one = np.zeros((0, 32), np.uint8), np.zeros((1, 32), np.uint8)
+    assert match_mutual(none, one).shape == (0, 2)
+    assert match_mutual(one, none).shape == (0, 2)
+    found = match_windowed(one, [[0, 0]], [0], none, np.zeros((0, 2)), np.zeros(0), 5.0)
+    np.testing.assert_array_equal(found, [-1])
+    with pytest.raises(FacetcamError, match="expected uint8"):
+        match_mutual(np.zeros((1, 32), np.float32), one)
+    with pytest.raises(FacetcamError, match="radius"):
+        match_windowed(one, [[0, 0]], [0], one, [[0, 0]], [0], float("nan"))
