@@ -109,6 +109,8 @@ def _reader(path: Path | str | int, fps: float | None, timed: bool) -> Reader:
         if str(path).isdecimal():
             return LiveCamera(int(str(path)))
         raise SourceError(f"{path}: no such file or folder")
+    if location.is_file() and location.stat().st_size == 0:
+        raise SourceError(f"{path}: empty file")
     if location.is_dir() or location.suffix.lower() in SUFFIXES:
         return ImageFolder(location, fps, timed)
     return Video(location, fps)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,8 +35,8 @@ class Video:
 
     Notes
     -----
-    Of a film that is cut off or damaged, the frames up to the damage are delivered and `skipped` says where it
-    ends.
+    Of a film that is cut off or damaged, the frames up to the damage are delivered and `skipped` says where
+    it ends.
     """
 
     live = False
@@ -97,7 +97,8 @@ class Video:
                 packet = next(packets, None)
                 frames = packet.decode() if packet is not None else []
             except av.error.FFmpegError:
-                yield from stream.codec_context.decode(None)
+                with suppress(av.error.FFmpegError):
+                    yield from stream.codec_context.decode(None)
                 return
             if packet is None:
                 return

@@ -57,7 +57,9 @@ class Camera:
             raise RigError(f"camera: unknown model '{self.model}', use one of {', '.join(COEFFICIENTS)}")
         if len(self.distortion) != COEFFICIENTS[self.model]:
             wanted = COEFFICIENTS[self.model]
-            raise RigError(f"camera: {self.model} takes {wanted} distortion numbers, got {len(self.distortion)}")
+            raise RigError(
+                f"camera: {self.model} takes {wanted} distortion numbers, got {len(self.distortion)}"
+            )
         if self.width < 1 or self.height < 1:
             raise RigError(f"camera: the size {self.width}x{self.height} must be positive")
         if not all(map(math.isfinite, (self.fx, self.fy, self.cx, self.cy, *self.distortion))):
@@ -94,7 +96,9 @@ class Camera:
             one-to-one, and lands on the sensor.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        in_front = points[:, 2] > 1e-9 if self.model == BROWN_CONRADY else np.linalg.norm(points, axis=1) > 1e-9
+        in_front = (
+            points[:, 2] > 1e-9 if self.model == BROWN_CONRADY else np.linalg.norm(points, axis=1) > 1e-9
+        )
         safe = np.where(in_front[:, None], points, (0.0, 0.0, 1.0))
         plane, angle = self._to_plane(safe)
         valid = in_front & (angle <= self._angle_limit)
@@ -125,7 +129,9 @@ class Camera:
         angle = np.arctan2(radius, points[:, 2])
         if self.model == BROWN_CONRADY:
             return points[:, :2] / points[:, 2:], angle
-        scale = np.where(radius > 1e-12, angle / np.maximum(radius, 1e-12), 1.0 / np.maximum(points[:, 2], 1e-12))
+        scale = np.where(
+            radius > 1e-12, angle / np.maximum(radius, 1e-12), 1.0 / np.maximum(points[:, 2], 1e-12)
+        )
         return points[:, :2] * scale[:, None], angle
 
     def _from_plane(self, plane: Array) -> Array:

@@ -63,7 +63,9 @@ def _rig(document: Any) -> Rig:
     numbers = {k: float(_numbers(v, f"camera: {k}", ())) for k, v in intrinsics.items()}
     size = {k: int(_numbers(camera[k], f"camera: {k}", ())) for k in ("width", "height")}
     distortion = tuple(float(c) for c in _numbers(camera["distortion"], "camera: distortion", (None,)))
-    return Rig(Camera(str(camera["model"]), **size, **numbers, distortion=distortion), T_rig_cam, mirrors, views)
+    return Rig(
+        Camera(str(camera["model"]), **size, **numbers, distortion=distortion), T_rig_cam, mirrors, views
+    )
 
 
 def _mirror(name: str, node: Any) -> Mirror:

@@ -58,10 +58,14 @@ class Mirror:
         except FacetcamError as error:
             raise RigError(f"mirror '{name}': {error}; give corners that span a face") from None
         if flatness > FLATNESS:
-            raise RigError(f"mirror '{name}': polygon is not flat, a corner stands {flatness * 1e3:.3f} mm off")
+            raise RigError(
+                f"mirror '{name}': polygon is not flat, a corner stands {flatness * 1e3:.3f} mm off"
+            )
         mirror = cls(normal, offset, polygon)
         if not np.all(mirror.contains(polygon, tolerance=1e-9)):
-            raise RigError(f"mirror '{name}': polygon is not convex; give its corners in order round the edge")
+            raise RigError(
+                f"mirror '{name}': polygon is not convex; give its corners in order round the edge"
+            )
         return mirror
 
     @classmethod
@@ -76,7 +80,9 @@ class Mirror:
         n = np.asarray(normal, dtype=np.float64)
         length = float(np.linalg.norm(n)) if n.shape == (3,) else 0.0
         if not (np.isfinite(length) and np.isfinite(offset)) or length < 1e-9:
-            raise RigError(f"mirror '{name}': plane takes a normal [x, y, z] that is not zero and a finite offset")
+            raise RigError(
+                f"mirror '{name}': plane takes a normal [x, y, z] that is not zero and a finite offset"
+            )
         return cls(n / length, float(offset) / length)
 
     @property

@@ -1,0 +1,1 @@
+"""How good results are: errors of trajectories, and what detectors find again."""

@@ -1,0 +1,58 @@
+"""Wheel odometry: a table `timestamp,x,y,yaw` in a drifting frame of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.errors import SourceError
+from facetcam.io.tables import read_numbers
+
+Array = NDArray[np.float64]
+COLUMNS = "timestamp,x,y,yaw"
+MAX_GAP = 0.5  # seconds; over longer ones a straight line would be invented motion
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """Positions in metres and headings in radians at increasing times in seconds; `yaw` is unwrapped."""
+
+    times: Array
+    x: Array
+    y: Array
+    yaw: Array
+
+    def at(self, time: float) -> tuple[float, float, float] | None:
+        """Return x, y, yaw between the two nearest rows, or None outside the table and in its gaps."""
+        after = int(np.searchsorted(self.times, time))
+        if after == len(self.times) or (after == 0 and time < self.times[0]):
+            return None
+        if self.times[after] - self.times[max(after - 1, 0)] > MAX_GAP and time < self.times[after]:
+            return None
+        x, y, yaw = (float(np.interp(time, self.times, column)) for column in (self.x, self.y, self.yaw))
+        return x, y, yaw
+
+    def require_cover(self, span: tuple[float, float], what: str, slack: float) -> None:
+        """Raise SourceError unless the table reaches over `span` (first, last) but for `slack` seconds."""
+        first, last = self.times[0], self.times[-1]
+        if first > span[0] + slack or last < span[1] - slack:
+            raise SourceError(
+                f"odometry: covers {first:.3f} to {last:.3f} s, but {what} runs from {span[0]:.3f} to"
+                f" {span[1]:.3f} s; give odometry on the film's clock"
+            )
+
+
+def read_odometry(path: Path | str) -> Odometry:
+    """Read an odometry table.
+
+    Raises
+    ------
+    SourceError
+        If the file cannot be read, is empty, has another header, or a line is wrong or not later than the one
+        before.
+    """
+    times, x, y, yaw = read_numbers(Path(path), COLUMNS, header=True).T.copy()
+    return Odometry(times, x, y, np.unwrap(yaw))
