@@ -180,7 +180,7 @@ def test_names_from_outside_cannot_break_the_page(report: SlamReport, tmp_path: 
 
 
 def test_an_unwritable_place_is_one_line(report: SlamReport, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match="cannot write") as caught:
+    with pytest.raises(OutputError, match="cannot be written") as caught:
         write_slam_report(report, tmp_path / "absent" / "report.html")
     assert "\n" not in str(caught.value)
 

@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from facetcam import __version__
-from facetcam.errors import OutputError
+from facetcam.io.outputs import atomic_write
 from facetcam.viz import figures, wording
 from facetcam.viz.palette import view_colour
 from facetcam.viz.pictures import data_uri, draw_points
@@ -90,10 +90,7 @@ def embedded(picture: Picture) -> dict[str, str]:
 
 def write_page(template: str, path: Path, context: Mapping[str, Any]) -> None:
     page = environment().get_template(template).render(context, version=__version__)
-    try:
-        path.write_text(page, encoding="utf-8")
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}; choose another place") from error
+    atomic_write(path, page)
 
 
 @cache
