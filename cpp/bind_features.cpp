@@ -26,14 +26,6 @@ using KeypointRows = nb::ndarray<nb::numpy, float, nb::shape<-1, 6>>;
 using TableOut = nb::ndarray<nb::numpy, float, nb::ndim<1>>;
 using IndicesOut = nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>>;
 
-// Hands a vector over to NumPy without a copy.
-template <class Array, class T>
-Array to_numpy(std::vector<T> values, std::initializer_list<std::size_t> shape) {
-    auto* owned = new std::vector<T>(std::move(values));
-    nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-    return Array(owned->data(), shape, owner);
-}
-
 ImageView view_of(const Image& image) {
     const auto item = static_cast<std::ptrdiff_t>(image.itemsize());
     const PixelType type = image.dtype() == nb::dtype<std::uint8_t>()    ? PixelType::u8

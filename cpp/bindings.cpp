@@ -4,4 +4,5 @@
 NB_MODULE(_core, m) {
     m.doc() = "Native kernels of facetcam.";
     facetcam::bind_features(m);
+    facetcam::bind_tracing(m);
 }

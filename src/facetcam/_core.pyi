@@ -1,5 +1,6 @@
 """Native kernels of facetcam."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,3 +41,23 @@ def match_windowed(
     max_distance: int,
     ratio: float,
 ) -> NDArray[np.int32]: ...
+def trace_rays(
+    planes: NDArray[np.float64],
+    bounds: NDArray[np.float64],
+    starts: NDArray[np.int32],
+    directions: NDArray[np.float64],
+    bounces: int,
+) -> tuple[NDArray[np.int8], NDArray[np.float64]]: ...
+
+class Lens:
+    def __init__(
+        self,
+        kannala_brandt: bool,
+        size: tuple[float, float],
+        intrinsics: tuple[float, float, float, float],
+        radial: Sequence[float],
+        tangential: Sequence[float],
+        limit: float,
+    ) -> None: ...
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
+    def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...

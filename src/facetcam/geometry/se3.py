@@ -51,7 +51,8 @@ def inverse(T: Array) -> Array:
 
 def transform(T: Array, points: ArrayLike) -> Array:
     """Map points (N, 3) by one motion (4, 4)."""
-    return np.asarray(points, dtype=np.float64) @ T[:3, :3].T + T[:3, 3]
+    moved: Array = np.asarray(points, dtype=np.float64) @ T[:3, :3].T + T[:3, 3]
+    return moved
 
 
 def from_rotation_translation(R: ArrayLike, t: ArrayLike) -> Array:
@@ -73,10 +74,12 @@ def _left_jacobian(phi: Array) -> Array:
     angle = float(np.linalg.norm(phi))
     K = skew(phi)
     if angle < 1e-6:  # the closed form divides by angle^3
-        return np.eye(3) + 0.5 * K + K @ K / 6.0
-    a = (1.0 - np.cos(angle)) / angle**2
-    b = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + a * K + b * K @ K
+        a, b = 0.5, 1.0 / 6.0
+    else:
+        a = (1.0 - np.cos(angle)) / angle**2
+        b = (angle - np.sin(angle)) / angle**3
+    jacobian: Array = np.eye(3) + a * K + b * K @ K
+    return jacobian
 
 
 def exp(xi: ArrayLike) -> Array:

@@ -61,10 +61,13 @@ def _rig(document: Any) -> Rig:
         raise RigError("camera: the last row of T_rig_cam must be [0, 0, 0, 1]")
     intrinsics = {k: camera[k] for k in ("fx", "fy", "cx", "cy")}
     numbers = {k: float(_numbers(v, f"camera: {k}", ())) for k, v in intrinsics.items()}
-    size = {k: int(_numbers(camera[k], f"camera: {k}", ())) for k in ("width", "height")}
+    width, height = (int(_numbers(camera[k], f"camera: {k}", ())) for k in ("width", "height"))
     distortion = tuple(float(c) for c in _numbers(camera["distortion"], "camera: distortion", (None,)))
     return Rig(
-        Camera(str(camera["model"]), **size, **numbers, distortion=distortion), T_rig_cam, mirrors, views
+        Camera(str(camera["model"]), width, height, **numbers, distortion=distortion),
+        T_rig_cam,
+        mirrors,
+        views,
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from facetcam.geometry.reflection import plane_of_polygon, reflection
 
 Array = NDArray[np.float64]
 
-FLATNESS = 1e-5  # metres a vertex may stand off the plane of its polygon
+FLATNESS = 1e-5  # metres a corner may stand off the plane, or inside the outline, of its polygon
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +33,6 @@ class Mirror:
     normal: Array
     offset: float
     polygon: Array | None = None
-    _edges: Array | None = field(init=False, repr=False, default=None)
-
-    def __post_init__(self) -> None:
-        if self.polygon is not None:
-            along = np.roll(self.polygon, -1, axis=0) - self.polygon
-            object.__setattr__(self, "_edges", np.cross(self.normal, along))
 
     @classmethod
     def from_polygon(cls, name: str, vertices: ArrayLike) -> Mirror:
@@ -62,7 +57,8 @@ class Mirror:
                 f"mirror '{name}': polygon is not flat, a corner stands {flatness * 1e3:.3f} mm off"
             )
         mirror = cls(normal, offset, polygon)
-        if not np.all(mirror.contains(polygon, tolerance=1e-9)):
+        inside = polygon @ mirror.half_spaces[:, :3].T - mirror.half_spaces[:, 3]
+        if inside.min() < -FLATNESS:
             raise RigError(
                 f"mirror '{name}': polygon is not convex; give its corners in order round the edge"
             )
@@ -90,20 +86,11 @@ class Mirror:
         """Reflection in the plane of the mirror, (4, 4)."""
         return reflection(self.normal, self.offset)
 
-    def contains(self, points: Array, tolerance: float = 0.0) -> NDArray[np.bool_]:
-        """Tell which points (N, 3) of the mirror's plane lie inside its edge."""
-        if self.polygon is None or self._edges is None:
-            return np.ones(len(points), dtype=bool)
-        inside = np.ones(len(points), dtype=bool)
-        for corner, inward in zip(self.polygon, self._edges):
-            inside &= (points - corner) @ inward >= -tolerance * np.linalg.norm(inward)
-        return inside
-
-    def distance(self, origins: Array, directions: Array) -> Array:
-        """Distance (N,) in metres along rays to the mirror; inf where they miss it or start on it."""
-        slope = directions @ self.normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = (self.offset - origins @ self.normal) / slope
-        hit = np.isfinite(t) & (t > 1e-9)
-        points = origins + np.where(hit, t, 0.0)[:, None] * directions
-        return np.where(hit & self.contains(points), t, np.inf)
+    @cached_property
+    def half_spaces(self) -> Array:
+        """One row (a, b, c, d) an edge: inside it a x + b y + c z >= d; no row for an unbounded mirror."""
+        if self.polygon is None:
+            return np.empty((0, 4))
+        inward = np.cross(self.normal, np.roll(self.polygon, -1, axis=0) - self.polygon)
+        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        return np.column_stack([inward, np.einsum("ij,ij->i", inward, self.polygon)])

@@ -15,11 +15,24 @@ from facetcam.errors import FacetcamError, RigError
 from facetcam.geometry import reflection, se3
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Mirror
-from facetcam.rig.tracing import NO_MIRROR, follow_chain
+from facetcam.rig.tracing import Paths, Tracer
 
 Array = NDArray[np.float64]
 
 NO_VIEW = -1
+
+_BAND = 128  # rows traced at once, so that memory stays small
+
+
+def inside_polygon(polygon: Array, points: Array) -> NDArray[np.bool_]:
+    """Tell which points (N, 2) lie inside a simple polygon (M, 2), by counting crossings to the right."""
+    inside = np.zeros(len(points), dtype=bool)
+    x, y = points.T
+    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0)):
+        spans = (y0 <= y) != (y1 <= y)
+        if y0 != y1:
+            inside ^= spans & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+    return inside
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +106,17 @@ class Rig:
         return tuple(self.views)
 
     @cached_property
-    def _mirror_list(self) -> list[Mirror]:
-        return list(self.mirrors.values())
+    def _tracer(self) -> Tracer:
+        return Tracer(list(self.mirrors.values()), self.T_rig_cam)
 
-    def _chain(self, view: str) -> list[int]:
+    @cached_property
+    def _chains(self) -> dict[str, list[int]]:
+        """Mirror indices of each view's chain."""
         order = list(self.mirrors)
-        return [order.index(name) for name in self.views[view].mirrors]
+        return {name: [order.index(mirror) for mirror in view.mirrors] for name, view in self.views.items()}
 
     def T_rig_image(self, view: str) -> Array:
-        """Pose of the virtual camera that sees the raw image: S_k ... S_1 T_rig_cam, of determinant (-1)^k."""
+        """Pose of the virtual camera of the raw image: S_k ... S_1 T_rig_cam, of determinant (-1)^k."""
         reflections = [self.mirrors[name].reflection for name in self.views[view].mirrors]
         return reflection.chain(reflections) @ self.T_rig_cam
 
@@ -110,7 +125,7 @@ class Rig:
         return len(self.views[view].mirrors) % 2 == 1
 
     def T_rig_view(self, view: str) -> Array:
-        """Proper pose (4, 4) of the virtual camera; for odd chains that of the image flipped left to right."""
+        """Proper pose (4, 4) of the virtual camera; for odd chains of the image flipped left to right."""
         T = self.T_rig_image(view)
         return T @ reflection.FLIP_X if self.is_flipped(view) else T
 
@@ -129,11 +144,14 @@ class Rig:
             True where light from the point reaches the sensor through this chain of mirrors, unobstructed
             by any mirror.
         """
-        points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-        pixels, valid = self.camera.project(se3.transform(se3.inverse(self.T_rig_image(view)), points))
-        reached, origins, _, onward = self._trace(view, pixels)
-        clear = np.linalg.norm(points - origins, axis=1) < onward.distance
-        return pixels, valid & reached & clear & self._in_region(view, pixels)
+        in_camera = se3.transform(se3.inverse(self.T_rig_image(view)), np.reshape(points, (-1, 3)))
+        pixels, valid = self.camera.project(in_camera)
+        distance = np.linalg.norm(in_camera, axis=1)
+        chain = self._chains[view]
+        paths = self._tracer.trace(in_camera / np.maximum(distance, 1e-12)[:, None], len(chain) + 1)
+        beyond_chain = distance > paths.length[len(chain) - 1] if chain else True
+        clear = paths.met(chain) & beyond_chain & (distance < paths.length[len(chain)])
+        return pixels, valid & clear & self._in_region(view, pixels)
 
     def ray(self, view: str, pixels: ArrayLike) -> tuple[Array, Array]:
         """Rays of raw pixels (N, 2) seen through one view.
@@ -156,10 +174,8 @@ class Rig:
         extent, before which objects are seen.
         """
         pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        reached, _, _, onward = self._trace(view, pixels)
-        bounded = np.array([m.polygon is not None for m in self._mirror_list] + [False])
-        blocked = (onward.mirror != NO_MIRROR) & bounded[onward.mirror]
-        return reached & ~blocked & self._in_region(view, pixels)
+        paths = self._tracer.trace(self.camera.ray(pixels), len(self._chains[view]) + 1)
+        return self._seen_on(view, paths, pixels)
 
     def labels(self) -> NDArray[np.int8]:
         """Index of the view of every raw pixel, (height, width); NO_VIEW where no view sees the room.
@@ -169,7 +185,7 @@ class Rig:
         return self._labels.copy()
 
     def mask(self, margin: float = 0.0) -> NDArray[np.uint8]:
-        """Valid raw pixels as 255, (height, width): further than `margin` pixels from seams and the border."""
+        """Valid raw pixels as 255, (height, width): more than `margin` pixels from seams and the border."""
         inside = np.zeros(self._labels.shape, dtype=np.uint8)
         for index in range(len(self.views)):
             # The padding makes the frame's edge count as a seam.
@@ -181,21 +197,25 @@ class Rig:
     @cached_property
     def _labels(self) -> NDArray[np.int8]:
         width, height = self.size
-        grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
-        labels = np.full(len(grid), NO_VIEW, dtype=np.int8)
-        by_length = sorted(range(len(self.views)), key=lambda i: len(self.views[self.view_names[i]].mirrors))
-        for index in by_length:
-            labels[self.sees(self.view_names[index], grid)] = index
-        return labels.reshape(height, width)
+        by_length = sorted(self.views, key=lambda name: len(self._chains[name]))
+        bounces = len(self._chains[by_length[-1]]) + 1
+        labels = np.full((height, width), NO_VIEW, dtype=np.int8)
+        for top in range(0, height, _BAND):
+            band = labels[top : top + _BAND]
+            v, u = np.indices(band.shape, dtype=np.float64)
+            pixels = np.stack([u.ravel(), v.ravel() + top], axis=1)
+            paths = self._tracer.trace(self.camera.ray(pixels), bounces)
+            for name in by_length:
+                band[self._seen_on(name, paths, pixels).reshape(band.shape)] = self.view_names.index(name)
+        return labels
 
-    def _trace(self, view: str, pixels: Array):  # type: ignore
-        directions = self.camera.ray(pixels) @ self.T_rig_cam[:3, :3].T
-        origins = np.broadcast_to(self.T_rig_cam[:3, 3], directions.shape)
-        return follow_chain(self._mirror_list, self._chain(view), origins, directions)
+    def _seen_on(self, view: str, paths: Paths, pixels: Array) -> NDArray[np.bool_]:
+        chain = self._chains[view]
+        # Negative indices reach the last two entries: NOWHERE, then LEAVES.
+        passable = np.array([m.polygon is None for m in self.mirrors.values()] + [False, True])
+        seen: NDArray[np.bool_] = paths.met(chain) & passable[paths.mirror[len(chain)]]
+        return seen & self._in_region(view, pixels)
 
     def _in_region(self, view: str, pixels: Array) -> NDArray[np.bool_]:
         region = self.views[view].region
-        if region is None:
-            return np.ones(len(pixels), dtype=bool)
-        contour = region.astype(np.float32).reshape(-1, 1, 2)
-        return np.array([cv2.pointPolygonTest(contour, (float(u), float(v)), False) >= 0 for u, v in pixels])
+        return np.ones(len(pixels), dtype=bool) if region is None else inside_polygon(region, pixels)

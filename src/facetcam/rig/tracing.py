@@ -6,67 +6,66 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from facetcam import _core
 from facetcam.rig.mirrors import Mirror
 
 Array = NDArray[np.float64]
 
-NO_MIRROR = -1
+LEAVES = -1  # the ray meets no further mirror
+NOWHERE = -2  # the lens gives the pixel no ray
 
 
-@dataclass(frozen=True)
-class Bounce:
-    """First mirrors that rays meet.
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """The mirrors that N rays meet, up to B bounces each.
 
     Attributes
     ----------
-    mirror : (N,) int8 array
-        Index of the nearest mirror, NO_MIRROR where a ray leaves freely.
-    distance : (N,) array
-        Metres to it, inf where there is none.
+    mirror : (B, N) int8 array
+        Index of the mirror of each bounce; LEAVES after the last one, NOWHERE for a ray that does not exist.
+    length : (B, N) array
+        Metres along the broken path from the camera to each bounce; inf where there is none. Reflection
+        keeps lengths, so this is also the straight distance from a view's virtual centre.
     """
 
     mirror: NDArray[np.int8]
-    distance: Array
+    length: Array
+
+    def met(self, chain: Sequence[int]) -> NDArray[np.bool_]:
+        """Tell which rays meet exactly the mirrors of `chain`, in order, before anything else."""
+        reached: NDArray[np.bool_] = self.mirror[len(chain)] != NOWHERE
+        for bounce, index in enumerate(chain):
+            reached &= self.mirror[bounce] == index
+        return reached
 
 
-def first_mirror(mirrors: Sequence[Mirror], origins: Array, directions: Array) -> Bounce:
-    """Find the nearest mirror in front of rays (N, 3), (N, 3)."""
-    nearest = np.full(len(directions), np.inf)
-    index = np.full(len(directions), NO_MIRROR, dtype=np.int8)
-    for i, mirror in enumerate(mirrors):
-        distance = mirror.distance(origins, directions)
-        closer = distance < nearest
-        nearest[closer] = distance[closer]
-        index[closer] = i
-    return Bounce(index, nearest)
+class Tracer:
+    """Flat mirrors made ready for tracing the rays of one camera.
 
-
-def reflect(mirror: Mirror, origins: Array, directions: Array, distance: Array) -> tuple[Array, Array]:
-    """Points where rays meet a mirror, and the directions in which they go on."""
-    points = origins + distance[:, None] * directions
-    return points, directions - 2.0 * (directions @ mirror.normal)[:, None] * mirror.normal
-
-
-def follow_chain(
-    mirrors: Sequence[Mirror], chain: Sequence[int], origins: Array, directions: Array
-) -> tuple[NDArray[np.bool_], Array, Array, Bounce]:
-    """Send rays through one chain of mirrors.
-
-    Returns
-    -------
-    reached : (N,) bool array
-        True where the ray meets exactly the mirrors of the chain, in order.
-    origins, directions : (N, 3) arrays
-        The rays after the last mirror (of all rays, also of those that missed).
-    onward : Bounce
-        What the rays meet after the chain; an obstacle for anything that lies beyond it.
+    Parameters
+    ----------
+    mirrors : sequence of Mirror
+        Their order gives the indices in `Paths.mirror`.
+    T_rig_cam : (4, 4) array
+        Pose of the camera in the frame of the mirrors.
     """
-    reached = np.ones(len(directions), dtype=bool)
-    for index in chain:
-        bounce = first_mirror(mirrors, origins, directions)
-        reached &= bounce.mirror == index
-        distance = np.where(reached, bounce.distance, 0.0)
-        origins, directions = reflect(mirrors[index], origins, directions, distance)
-    return reached, origins, directions, first_mirror(mirrors, origins, directions)
+
+    def __init__(self, mirrors: Sequence[Mirror], T_rig_cam: Array) -> None:
+        planes = np.array([(*mirror.normal, mirror.offset) for mirror in mirrors]).reshape(-1, 4)
+        bounds = [mirror.half_spaces for mirror in mirrors]
+        self._planes = _in_camera(planes, T_rig_cam)
+        self._bounds = _in_camera(np.concatenate([np.empty((0, 4)), *bounds]), T_rig_cam)
+        self._starts = np.cumsum([0, *map(len, bounds)], dtype=np.int32)
+
+    def trace(self, directions: ArrayLike, bounces: int) -> Paths:
+        """Follow camera rays, unit directions (N, 3) in the camera frame, through up to `bounces` mirrors."""
+        aims = np.ascontiguousarray(directions, dtype=np.float64)
+        return Paths(*_core.trace_rays(self._planes, self._bounds, self._starts, aims, bounces))
+
+
+def _in_camera(planes: Array, T_rig_cam: Array) -> Array:
+    """Planes, rows (a, b, c, d) of a x + b y + c z = d in the rig frame, as planes of the camera frame."""
+    normals = planes[:, :3]
+    return np.column_stack([normals @ T_rig_cam[:3, :3], planes[:, 3] - normals @ T_rig_cam[:3, 3]])
