@@ -22,6 +22,7 @@ from facetcam.viz import (
     write_slam_report,
     write_unwrap_report,
 )
+from facetcam.viz.figures import ground
 from facetcam.viz.palette import view_bgr
 from facetcam.viz.pictures import draw_points
 from facetcam.viz.wording import verdict
@@ -199,3 +200,12 @@ def test_drawing_leaves_the_picture_as_it_was() -> None:
     image = np.zeros((50, 50, 3), np.uint8)
     draw_points(image, np.array([[25.0, 25.0]]), np.array([0]), width=50)
     assert not image.any()
+
+
+@pytest.mark.parametrize(
+    ("spread", "plane"),
+    [((3, 2, 0.1), [0, 1]), ((2, 0.3, 1), [0, 2]), ((0.1, 2, 2), [1, 2]), ((0, 0, 0), [0, 1])],
+)
+def test_the_path_is_drawn_along_its_ground(spread: tuple[float, ...], plane: list[int]) -> None:
+    path = np.random.default_rng(3).uniform(0, 1, (50, 3)) * spread
+    assert ground(path) == plane

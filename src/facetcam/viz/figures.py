@@ -25,22 +25,21 @@ Array = NDArray[np.floating]
 
 
 def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None) -> str:
-    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (M, 3) from above, metres."""
+    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (N, 3) from above, metres."""
     figure, axes = new_figure(6.8, 5.2)
+    plane = ground(path)
     if len(cloud):
-        seen = near(cloud, np.vstack([path, keyframes]))
+        seen = near(cloud[:, plane], path[:, plane])
         # Thousands of vector dots would weigh megabytes: this one layer is a picture inside the SVG.
-        axes.plot(*seen[:, :2].T, ".", ms=1.6, color=CLOUD_COLOUR, alpha=0.55, rasterized=True, label="map")
-    if truth is not None and len(truth):
-        axes.plot(truth[:, 0], truth[:, 1], color=TRUTH_COLOUR, lw=2.4, alpha=0.8, label="truth, aligned")
-    axes.plot(path[:, 0], path[:, 1], color=view_colour(0), lw=1.5, label="estimate")
-    if len(keyframes):
-        axes.plot(keyframes[:, 0], keyframes[:, 1], "o", ms=2.6, color=view_colour(0), label="keyframes")
-    if len(path):
-        axes.plot(*path[0, :2], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
+        axes.plot(*seen.T, ".", ms=1.6, color=CLOUD_COLOUR, alpha=0.55, rasterized=True, label="map")
+    if truth is not None:
+        axes.plot(*truth[:, plane].T, color=TRUTH_COLOUR, lw=2.4, alpha=0.8, label="truth, aligned")
+    axes.plot(*path[:, plane].T, color=view_colour(0), lw=1.5, label="estimate")
+    axes.plot(*keyframes[:, plane].T, "o", ms=2.6, color=view_colour(0), label="keyframes")
+    axes.plot(*path[0, plane], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (m)")
-    axes.set_ylabel("y (m)")
+    axes.set_xlabel(f"{'xyz'[plane[0]]} (m)")
+    axes.set_ylabel(f"{'xyz'[plane[1]]} (m)")
     legend_above(axes, 5)
     return to_svg(figure)
 
@@ -91,12 +90,22 @@ def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
     return to_svg(figure)
 
 
-def near(cloud: Array, path: Array) -> Array:
-    """The map points worth drawing: not those so far off that they would shrink the path to a dot."""
-    middle = np.median(cloud[:, :2], axis=0) if not len(path) else path[:, :2].mean(axis=0)
-    distance = np.linalg.norm(cloud[:, :2] - middle, axis=1)
-    reach = np.linalg.norm(path[:, :2] - middle, axis=1).max(initial=0.0)
-    kept: Array = cloud[distance <= max(np.percentile(distance, 95), 1.5 * reach)]
+def ground(path: Array) -> list[int]:
+    """The two axes along which a path spreads most: x, y for a rig that drives or walks with its z up.
+
+    An ordinary camera may keep its own axes, z forward and y down; its ground is then x, z.
+    """
+    spread = np.ptp(path, axis=0)
+    level = max(range(3), key=lambda axis: (-spread[axis], axis))
+    return [axis for axis in range(3) if axis != level]
+
+
+def near(points: Array, path: Array) -> Array:
+    """The map points (P, 2) worth drawing: not those so far off that the path would shrink to a dot."""
+    middle = path.mean(axis=0)
+    distance = np.linalg.norm(points - middle, axis=1)
+    reach = np.linalg.norm(path - middle, axis=1).max()
+    kept: Array = points[distance <= max(np.percentile(distance, 95), 1.5 * reach)]
     return kept
 
 
