@@ -4,5 +4,6 @@
 NB_MODULE(_core, m) {
     m.doc() = "Native kernels of facetcam.";
     facetcam::bind_features(m);
+    facetcam::bind_raycast(m);
     facetcam::bind_tracing(m);
 }

@@ -61,3 +61,21 @@ class Lens:
     ) -> None: ...
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
     def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+class RectangleTree:
+    def __init__(self, rectangles: NDArray[np.float32]) -> None: ...
+    def cast(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], threads: int
+    ) -> NDArray[np.uint8]: ...
+
+def shade_rays(
+    rectangles: NDArray[np.float32],
+    texels: NDArray[np.uint8],
+    textures: NDArray[np.int32],
+    light: NDArray[np.float32],
+    light_maps: NDArray[np.int32],
+    directions: NDArray[np.float32],
+    hits: NDArray[np.uint8],
+    ray_angle: float,
+    threads: int,
+) -> NDArray[np.float32]: ...
