@@ -15,7 +15,7 @@ class Frame:
     """One image of a source.
 
     `image` is (H, W) grey or (H, W, 3) BGR, uint8 or uint16; `timestamp` is in seconds; `name` is the file's
-    name, or "frame 12" in a film.
+    name, or the number of the frame in six digits.
     """
 
     index: int

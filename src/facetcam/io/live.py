@@ -46,7 +46,7 @@ class LiveCamera:
                 if not delivered:
                     raise SourceError(f"{self.name}: stopped delivering images; was it unplugged?")
                 started = now if started is None else started
-                yield Frame(index, now - started, image, f"frame {index}")
+                yield Frame(index, now - started, image, f"{index:06d}")
                 index += 1
         finally:
             self._capture.release()

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 from facetcam.errors import OutputError
 
@@ -46,7 +47,7 @@ class LineWriter:
         with writing(self.path):
             self._file.write(line + "\n")
 
-    def __enter__(self) -> LineWriter:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

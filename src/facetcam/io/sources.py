@@ -6,6 +6,7 @@ import math
 from collections.abc import Generator
 from pathlib import Path
 from types import TracebackType
+from typing import Self
 
 from facetcam.errors import ConfigError, SourceError
 from facetcam.io.frames import Frame, Reader, Skipped
@@ -58,6 +59,11 @@ class Source:
         """Images, or the rest of a film, that could not be read so far."""
         return tuple(self._reader.skipped)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each of `skipped`."""
+        return tuple(f"{item.name} skipped: {item.reason}" for item in self.skipped)
+
     def __iter__(self) -> Generator[Frame]:
         self.close()
         frames = prefetch(self._reader, FRAMES_AHEAD, latest_only=self._reader.live)
@@ -70,7 +76,7 @@ class Source:
             self._frames.close()
             self._frames = None
 
-    def __enter__(self) -> Source:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

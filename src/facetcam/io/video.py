@@ -66,7 +66,7 @@ class Video:
                         f"{self.name}: frame {index} is at {timestamp:.6g} s, not after {last:.6g} s;"
                         " give --fps to number the frames instead"
                     )
-                yield Frame(index, timestamp, _pixels(frame), f"frame {index}")
+                yield Frame(index, timestamp, _pixels(frame), f"{index:06d}")
                 delivered, last = index + 1, timestamp
         self._say_if_cut_off(delivered)
 
