@@ -6,4 +6,5 @@ NB_MODULE(_core, m) {
     facetcam::bind_features(m);
     facetcam::bind_raycast(m);
     facetcam::bind_tracing(m);
+    facetcam::bind_patch(m);
 }

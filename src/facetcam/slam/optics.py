@@ -1,0 +1,108 @@
+"""The rig as tracking sees it: a generalised camera of ideal pinholes, one a view."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.rig import NO_VIEW, Camera, Rig
+
+Array = NDArray[np.float64]
+Index = NDArray[np.integer]
+
+_SAMPLES = 400
+_STEEPEST = np.cos(np.radians(75.0))  # an ideal pinhole stretches pixels without bound beyond
+
+
+class Optics:
+    """Projection, rays and valid pixels of all views at once.
+
+    Each view gets an ideal pinhole at its virtual centre that looks along the view's mean ray, so that
+    solvers meet neither distortion nor mirrors.
+
+    Parameters
+    ----------
+    rig : Rig
+    margin : float
+        Pixels to stay away from seams and the border of the frame.
+
+    Attributes
+    ----------
+    n_views : int
+    focal : float
+        Focal length of the ideal pinholes, in pixels.
+    T_view_rig : (V, 4, 4) array
+        Rig frame to ideal pinhole, proper.
+    """
+
+    def __init__(self, rig: Rig, margin: float) -> None:
+        self.rig = rig
+        self.names = rig.view_names
+        self.n_views = len(self.names)
+        self.focal = float(np.sqrt(rig.camera.fx * rig.camera.fy))
+        self.mask = rig.mask(margin)
+        self.labels = np.where(self.mask > 0, rig.labels(), NO_VIEW).astype(np.int8)
+        self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
+        self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
+        self.T_rig_view = se3.inverse(self.T_view_rig)
+
+    @property
+    def camera(self) -> Camera:
+        """The real camera."""
+        return self.rig.camera
+
+    def _ideal_pose(self, view: int) -> Array:
+        """Pose of the pinhole along the mean ray of a view, upright in the rig where that is defined."""
+        rows, columns = np.nonzero(self.labels == view)
+        if not len(rows):
+            rows, columns = np.nonzero(self.rig.labels() == view)
+        pick = np.linspace(0, len(rows) - 1, min(_SAMPLES, len(rows))).astype(int)
+        origins, rays = self.rig.ray(self.names[view], np.column_stack([columns[pick], rows[pick]]))
+        z = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
+        up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
+        x = np.cross(z, up)
+        x /= np.linalg.norm(x)
+        return se3.inverse(se3.from_rotation_translation(np.column_stack([x, np.cross(z, x), z]), origins[0]))
+
+    def view_of(self, pixels: Array) -> NDArray[np.int8]:
+        """View index of raw pixels (N, 2); NO_VIEW off the frame, on seams and on dead pixels."""
+        columns, rows = np.rint(pixels).astype(np.int64).T
+        height, width = self.labels.shape
+        inside = (columns >= 0) & (rows >= 0) & (columns < width) & (rows < height)
+        labels = self.labels[np.where(inside, rows, 0), np.where(inside, columns, 0)]
+        return np.where(inside, labels, NO_VIEW).astype(np.int8)
+
+    def project(self, view: int, points_rig: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Raw pixels (N, 2) of rig-frame points in one view, and whether they land on its valid pixels."""
+        pixels, valid = self.camera.project(se3.transform(self._T_image_rig[view], points_rig))
+        return pixels, valid & (self.view_of(pixels) == view)
+
+    def jacobian(self, view: int, points_rig: Array, step: Array) -> Array:
+        """Change of the raw pixel, (N, 2, 2), along two steps (N, 3, 2) of the points."""
+        T = self._T_image_rig[view]
+        stacked = [points_rig + sign * step[:, :, axis] for axis in (0, 1) for sign in (1.0, -1.0)]
+        pixels, _ = self.camera.project(se3.transform(T, np.concatenate(stacked)))
+        a, b, c, d = np.split(pixels, 4)
+        return np.stack([(a - b) / 2.0, (c - d) / 2.0], axis=-1)
+
+    def rays(self, pixels: Array, views: Index) -> Array:
+        """Unit directions (N, 3) in the rig frame of raw pixels seen through their views."""
+        rotation = np.swapaxes(self._T_image_rig[views, :3, :3], 1, 2)
+        return np.einsum("nij,nj->ni", rotation, self.camera.ray(pixels))
+
+    def origins(self, views: Index) -> Array:
+        """Virtual centres (N, 3) of views in the rig frame."""
+        return self.T_rig_view[views, :3, 3]
+
+    def plane(self, pixels: Array, views: Index) -> Array:
+        """Where raw pixels fall on their view's ideal pinhole, (N, 2) in pixels from its principal point."""
+        rays = np.einsum("nij,nj->ni", self.T_view_rig[views, :3, :3], self.rays(pixels, views))
+        return self.focal * rays[:, :2] / np.maximum(rays[:, 2:], _STEEPEST)
+
+    def to_plane(self, points_rig: Array, views: Index) -> tuple[Array, Array]:
+        """Points (N, 3) on the ideal pinholes of their views: plane coordinates (N, 2) and depths (N,)."""
+        T = self.T_view_rig[views]
+        local = np.einsum("nij,nj->ni", T[:, :3, :3], points_rig) + T[:, :3, 3]
+        depth = local[:, 2]
+        return self.focal * local[:, :2] / np.where(np.abs(depth) < 1e-9, 1e-9, depth)[:, None], depth
