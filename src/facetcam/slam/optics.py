@@ -46,6 +46,8 @@ class Optics:
         self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
         self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
         self.T_rig_view = se3.inverse(self.T_view_rig)
+        self.flipped = np.array([rig.is_flipped(name) for name in self.names])
+        self.roll_degrees = np.array([self._roll(v) for v in range(self.n_views)])
 
     @property
     def camera(self) -> Camera:
@@ -64,6 +66,13 @@ class Optics:
         x = np.cross(z, up)
         x /= np.linalg.norm(x)
         return se3.inverse(se3.from_rotation_translation(np.column_stack([x, np.cross(z, x), z]), origins[0]))
+
+    def _roll(self, view: int) -> float:
+        """Angle on the raw frame, in degrees, of the pinhole's x axis."""
+        across = self.T_rig_view[view, :3, :2]
+        centre = self.T_rig_view[view, :3, 3] + self.T_rig_view[view, :3, 2]
+        x = self.jacobian(view, centre[None], 1e-3 * across[None])[0, :, 0]
+        return float(np.degrees(np.arctan2(x[1], x[0])))
 
     def view_of(self, pixels: Array) -> NDArray[np.int8]:
         """View index of raw pixels (N, 2); NO_VIEW off the frame, on seams and on dead pixels."""
@@ -85,6 +94,14 @@ class Optics:
         pixels, _ = self.camera.project(se3.transform(T, np.concatenate(stacked)))
         a, b, c, d = np.split(pixels, 4)
         return np.stack([(a - b) / 2.0, (c - d) / 2.0], axis=-1)
+
+    def jacobians(self, views: Index, points_rig: Array, step: Array) -> Array:
+        """`jacobian` of points that lie in views of their own."""
+        out = np.zeros((len(points_rig), 2, 2))
+        for v in np.unique(views):
+            rows = views == v
+            out[rows] = self.jacobian(int(v), points_rig[rows], step[rows])
+        return out
 
     def rays(self, pixels: Array, views: Index) -> Array:
         """Unit directions (N, 3) in the rig frame of raw pixels seen through their views."""

@@ -1,0 +1,69 @@
+"""Parameters of tracking and mapping; the defaults serve every rig and film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class SlamConfig:
+    """Parameters of `Slam`.
+
+    Attributes
+    ----------
+    features : int
+        Corners sought in a frame, over all views.
+    seam_margin : float
+        Pixels to stay away from seams between views.
+    points_per_view : int
+        Map points measured in one view of a frame, at most.
+    min_inliers : int
+        Measurements below which a frame has no pose.
+    min_correlation : float
+        Normalised correlation below which a patch is not the map point.
+    max_shift : float
+        Pixels between prediction and measurement that patch alignment may bridge.
+    pixel_sigma : float
+        Typical error of a measurement in pixels; scale of the robust kernels.
+    gate : float
+        Residual in pixels beyond which a measurement is wrong.
+    match_distance : int
+        Hamming distance beyond which descriptors never match.
+    match_ratio : float
+        Distance of the best match over that of the second best, at most.
+    search_radius : float
+        Pixels round a prediction in which descriptors are sought, in units of the frame's width.
+    min_parallax : float
+        Angle in radians between two rays that give a point its depth.
+    keyframe_parallax : float
+        Motion since the last keyframe over the median depth that asks for a new one.
+    keyframe_angle : float
+        Turn in radians that asks for a new keyframe.
+    keyframe_overlap : float
+        Share of the last keyframe's measurements still found, below which a new one is made.
+    window : int
+        Keyframes adjusted together.
+    odometry_sigma : float
+        Relative error of odometry between keyframes; loose, since wheels slip and their scale drifts.
+    metric_sigma : float
+        Relative scale error below which the map is called metric.
+    """
+
+    features: int = 1000
+    seam_margin: float = 8.0
+    points_per_view: int = 250
+    min_inliers: int = 15
+    min_correlation: float = 0.8
+    max_shift: float = 8.0
+    pixel_sigma: float = 0.5
+    gate: float = 3.0
+    match_distance: int = 64
+    match_ratio: float = 0.85
+    search_radius: float = 0.05
+    min_parallax: float = 0.015
+    keyframe_parallax: float = 0.08
+    keyframe_angle: float = 0.2
+    keyframe_overlap: float = 0.75
+    window: int = 10
+    odometry_sigma: float = 0.3
+    metric_sigma: float = 0.02

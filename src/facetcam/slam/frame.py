@@ -1,0 +1,105 @@
+"""One frame as tracking uses it: grey pyramid, and corners when they are asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.errors import FacetcamError
+from facetcam.features import SIICF, Keypoints, describe
+from facetcam.slam.optics import Optics
+
+Image = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Corners:
+    """Corners of a frame with the view each one is seen through.
+
+    Attributes
+    ----------
+    pixels : (N, 2) float64 array
+    views : (N,) int8 array
+    descriptors : (N, D) uint8 array
+    """
+
+    pixels: NDArray[np.float64]
+    views: NDArray[np.int8]
+    descriptors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+
+@dataclass(slots=True)
+class Frame:
+    """A raw frame: `grey` at full and `half` at half size, and what else was made of it."""
+
+    timestamp: float
+    image: NDArray[np.generic]
+    grey: Image
+    half: Image
+    corners: Corners | None = field(default=None)
+
+
+def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, int]) -> Frame:
+    """Check a raw image of any depth, grey or BGR, and build its grey pyramid.
+
+    Raises
+    ------
+    FacetcamError
+        If its size is not the rig's, or it is neither grey nor colour of 8 or 16 bit.
+    """
+    height, width = image.shape[:2]
+    if (width, height) != size:
+        raise FacetcamError(
+            f"frame at {timestamp:.3f} s is {width}x{height}, the rig's camera is {size[0]}x{size[1]}; "
+            "use the rig that belongs to this film"
+        )
+    if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3):
+        raise FacetcamError(f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype}")
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    if grey.dtype == np.uint16:
+        grey = cv2.convertScaleAbs(grey, alpha=1.0 / 257.0)
+    grey = np.ascontiguousarray(grey, dtype=np.uint8)
+    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return Frame(timestamp, image, grey, half)
+
+
+class CornerFinder:
+    """SIICF corners in the valid pixels of all views, with descriptors that know which way is up.
+
+    A view's roll on the sensor is known from the rig, so it is taken out of the descriptor, and odd chains
+    are described as the mirror images that they are.
+    """
+
+    def __init__(self, optics: Optics, max_features: int) -> None:
+        self._optics = optics
+        self._detector = SIICF.create(max_features=max_features, spread=True)
+
+    def __call__(self, frame: Frame) -> Corners:
+        """Corners of the frame, found once and kept with it."""
+        if frame.corners is None:
+            keypoints = self._detector.detect(frame.grey, self._optics.mask)
+            views = self._optics.view_of(keypoints.xy.astype(np.float64))
+            frame.corners = self._describe(frame.grey, keypoints, views)
+        return frame.corners
+
+    def _describe(self, grey: Image, keypoints: Keypoints, views: NDArray[np.int8]) -> Corners:
+        parts = []
+        for flipped in (False, True):
+            chosen = np.isin(views, np.flatnonzero(self._optics.flipped == flipped))
+            if not chosen.any():
+                continue
+            roll = self._optics.roll_degrees[views[chosen]].astype(np.float32)
+            upright = replace(keypoints[chosen], angle=roll)
+            kept, descriptors = describe(grey, upright, flipped=flipped)
+            xy = kept.xy.astype(np.float64)
+            parts.append((xy, self._optics.view_of(xy), descriptors))
+        if not parts:
+            return Corners(np.empty((0, 2)), np.empty(0, np.int8), np.empty((0, 32), np.uint8))
+        pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
+        return Corners(pixels, kept_views, descriptors)

@@ -1,0 +1,204 @@
+"""The map: points with their appearance, and keyframes with what they saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.frame import Corners, Frame
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+PATCH_SIZE = 39
+DESCRIPTOR_BYTES = 32
+
+
+@dataclass(slots=True)
+class Observations:
+    """What one keyframe saw: point ids, view indices, raw pixels and ideal-pinhole positions, row by row."""
+
+    point: Index = field(default_factory=lambda: np.empty(0, np.int64))
+    view: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    pixels: Array = field(default_factory=lambda: np.empty((0, 2)))
+    plane: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    def append(self, point: Index, view: NDArray[np.int8], pixels: Array, plane: Array) -> None:
+        """Add rows."""
+        self.point = np.concatenate([self.point, point])
+        self.view = np.concatenate([self.view, view])
+        self.pixels = np.concatenate([self.pixels, pixels])
+        self.plane = np.concatenate([self.plane, plane])
+
+    def keep(self, rows: NDArray[np.bool_]) -> None:
+        """Drop all rows but these."""
+        self.point, self.view = self.point[rows], self.view[rows]
+        self.pixels, self.plane = self.pixels[rows], self.plane[rows]
+
+    def has(self, point: Index, view: NDArray[np.int8]) -> NDArray[np.bool_]:
+        """Tell which (point, view) pairs are observed already."""
+        return np.isin(point * 128 + view, self.point * 128 + self.view)
+
+
+@dataclass(slots=True)
+class Keyframe:
+    """A frame that stays: its pose, observations and corners; its images only while it is in the window."""
+
+    index: int
+    timestamp: float
+    T_world_rig: Array
+    corners: Corners
+    frame: Frame | None
+    odometry: Array | None
+    observations: Observations = field(default_factory=Observations)
+    free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))  # corners that are no map point yet
+
+
+class Points:
+    """Map points as arrays that grow; row i is point i for ever.
+
+    Attributes
+    ----------
+    xyz : (N, 3) world position, metres
+    patch : (N, P, P) uint8 appearance on the raw frame where the point was first seen
+    offset : (N, 2) float32 feature position from the central pixel of the patch
+    tangent : (N, 3, 2) world steps that moved the feature by about a pixel in x and y there
+    jacobian : (N, 2, 2) pixels that these steps made
+    descriptor : (N, D) uint8
+    colour : (N, 3) uint8 RGB
+    alive : (N,) bool
+    predicted, found : (N,) how often the point was expected in a view, and measured there
+    """
+
+    _COLUMNS: tuple[tuple[str, tuple[int, ...], type], ...] = (
+        ("xyz", (3,), np.float64),
+        ("patch", (PATCH_SIZE, PATCH_SIZE), np.uint8),
+        ("offset", (2,), np.float32),
+        ("tangent", (3, 2), np.float64),
+        ("jacobian", (2, 2), np.float64),
+        ("descriptor", (DESCRIPTOR_BYTES,), np.uint8),
+        ("colour", (3,), np.uint8),
+        ("alive", (), np.bool_),
+        ("predicted", (), np.int32),
+        ("found", (), np.int32),
+    )
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._data = {name: np.zeros((1024, *shape), dtype) for name, shape, dtype in self._COLUMNS}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getattr__(self, name: str) -> NDArray:  # type: ignore
+        try:
+            return self._data[name][: self._count]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def extend(self, **columns: NDArray[np.generic]) -> Index:
+        """Add points; returns their ids."""
+        count = len(columns["xyz"])
+        ids = np.arange(self._count, self._count + count)
+        while self._count + count > len(self._data["xyz"]):
+            self._data = {name: np.concatenate([a, np.zeros_like(a)]) for name, a in self._data.items()}
+        for name, values in columns.items():
+            self._data[name][ids] = values
+        self._data["alive"][ids] = True
+        self._count += count
+        return ids
+
+
+class Map:
+    """All keyframes and points."""
+
+    def __init__(self) -> None:
+        self.points = Points()
+        self.keyframes: list[Keyframe] = []
+
+    def observed_points(self, keyframes: list[Keyframe]) -> Index:
+        """Ids of living points that any of these keyframes saw."""
+        if not keyframes:
+            return np.empty(0, np.int64)
+        ids = np.unique(np.concatenate([k.observations.point for k in keyframes]))
+        return ids[self.points.alive[ids]]
+
+    def near(self, position: Array, count: int) -> list[Keyframe]:
+        """The keyframes whose rig stood nearest to a world position."""
+        if not self.keyframes:
+            return []
+        centres = np.array([k.T_world_rig[:3, 3] for k in self.keyframes])
+        order = np.argsort(np.linalg.norm(centres - position, axis=1), kind="stable")
+        return [self.keyframes[i] for i in order[:count]]
+
+    def add_points(
+        self, xyz: Array, keyframe: Keyframe, corner: Index, optics: Optics
+    ) -> tuple[Index, NDArray[np.bool_]]:
+        """Make points that look as the keyframe's corners do.
+
+        Returns
+        -------
+        ids : (M,) array
+        kept : (N,) bool array
+            False where the patch would reach over the border of the frame.
+        """
+        assert keyframe.frame is not None
+        pixels, views = keyframe.corners.pixels[corner], keyframe.corners.views[corner]
+        patches, offsets, kept = cut_patches(keyframe.frame.grey, pixels)
+        T_rig_world = se3.inverse(keyframe.T_world_rig)
+        points_rig = se3.transform(T_rig_world, xyz)
+        tangent = tangents(points_rig, views, optics)
+        jacobian = optics.jacobians(views, points_rig, tangent)
+        kept &= np.abs(np.linalg.det(jacobian)) > 1e-6
+        ids = self.points.extend(
+            xyz=xyz[kept],
+            patch=patches[kept],
+            offset=offsets[kept],
+            tangent=(keyframe.T_world_rig[:3, :3] @ tangent)[kept],
+            jacobian=jacobian[kept],
+            descriptor=keyframe.corners.descriptors[corner[kept]],
+            colour=colours(keyframe.frame.image, pixels[kept]),
+        )
+        return ids, kept
+
+
+def cut_patches(
+    grey: NDArray[np.uint8], pixels: Array
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]]:
+    """Square patches (N, P, P) round pixels (N, 2), the features' offsets, and which lie on the frame."""
+    half = PATCH_SIZE // 2
+    centre = np.rint(pixels).astype(np.int64)
+    height, width = grey.shape
+    kept = np.all((centre >= half) & (centre < (width - half, height - half)), axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(grey, (PATCH_SIZE, PATCH_SIZE))
+    corner = np.where(kept[:, None], centre - half, 0)
+    return windows[corner[:, 1], corner[:, 0]], (pixels - centre).astype(np.float32), kept
+
+
+def tangents(points_rig: Array, views: NDArray[np.int8], optics: Optics) -> Array:
+    """Two steps (N, 3, 2) across each viewing ray, about a pixel long: the patch is taken to face the camera."""
+    rays = points_rig - optics.origins(views)
+    depth = np.linalg.norm(rays, axis=1)
+    rays = rays / depth[:, None]
+    aside = np.cross(rays, optics.T_rig_view[views][:, :3, 1])
+    aside /= np.linalg.norm(aside, axis=1, keepdims=True)
+    step = np.stack([aside, np.cross(rays, aside)], axis=-1)
+    return step * (depth / optics.focal)[:, None, None]
+
+
+def colours(image: NDArray[np.generic], pixels: Array) -> NDArray[np.uint8]:
+    """RGB (N, 3) of the nearest pixels of a grey or BGR frame."""
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    values = image[rows, columns]
+    if values.dtype == np.uint16:
+        values = (values // 257).astype(np.uint8)
+    if values.ndim == 1:
+        values = np.repeat(values[:, None], 3, axis=1)
+    return np.asarray(values[:, ::-1], dtype=np.uint8)

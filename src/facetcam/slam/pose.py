@@ -1,0 +1,119 @@
+"""Pose of the rig from points seen in any of its views."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+
+_STEPS = 15
+_MIN_DEPTH = 0.01  # metres
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A pose with its covariance (6, 6) and the residuals (N,) in pixels; inf behind a view."""
+
+    T_world_rig: Array
+    covariance: Array
+    residuals: Array
+
+
+def generalized_pose(
+    points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, threshold: float
+) -> tuple[Array | None, NDArray[np.bool_]]:
+    """Pose from matches with outliers: PoseLib's RANSAC for a generalised camera.
+
+    Parameters
+    ----------
+    points : (N, 3) array
+        World points.
+    views, plane : (N,), (N, 2) arrays
+        Where they are seen.
+    threshold : float
+        Pixels.
+
+    Returns
+    -------
+    T_world_rig : (4, 4) array or None
+    inliers : (N,) bool array
+    """
+    import poselib
+
+    inliers = np.zeros(len(points), dtype=bool)
+    used = np.unique(views)
+    if len(points) < 4:
+        return None, inliers
+    rows = [np.flatnonzero(views == v) for v in used]
+    camera = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
+    pose, info = poselib.estimate_generalized_absolute_pose(
+        [plane[r] for r in rows],
+        [points[r] for r in rows],
+        [_camera_pose(optics.T_view_rig[v], poselib) for v in used],
+        [camera] * len(used),
+        {"max_reproj_error": threshold, "min_iterations": 50, "max_iterations": 2000, "seed": 0},
+        {"loss_type": "CAUCHY", "loss_scale": 1.0, "max_iterations": 25},
+    )
+    for r, flags in zip(rows, info["inliers"]):
+        inliers[r] = flags
+    if inliers.sum() < 4:
+        return None, inliers
+    return se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), inliers
+
+
+def _camera_pose(T: Array, poselib: object) -> object:
+    R = se3.assert_proper_rotation(T[:3, :3], "view for pose estimation")
+    pose = poselib.CameraPose()  # type: ignore
+    pose.R, pose.t = R, T[:3, 3]
+    return pose
+
+
+def refine_pose(
+    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, sigma: float
+) -> Pose:
+    """Iteratively reweighted Gauss-Newton on all views, with a Cauchy kernel of `sigma` pixels.
+
+    The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements.
+    """
+    T = T_world_rig
+    for step in range(_STEPS):
+        width = sigma * max(1.0, 8.0 * 0.5**step)
+        residual, J = linearise(T, points, views, plane, optics)
+        weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / width**2)
+        H = np.einsum("n,nij,nik->jk", weight, J, J) + 1e-9 * np.eye(6)
+        delta = -np.linalg.solve(H, np.einsum("n,nij,ni->j", weight, J, residual))
+        T = T @ se3.exp(np.clip(delta, -0.3, 0.3))
+        if step > 3 and np.abs(delta).max() < 1e-6:
+            break
+    residual, J = linearise(T, points, views, plane, optics)
+    size = np.linalg.norm(residual, axis=1)
+    weight = 1.0 / (1.0 + (size / sigma) ** 2)
+    variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
+    H = np.einsum("n,nij,nik->jk", weight, J, J)
+    covariance = variance * np.linalg.pinv(H, hermitian=True)
+    behind = optics.to_plane(se3.transform(se3.inverse(T), points), views)[1] < _MIN_DEPTH
+    return Pose(T, covariance, np.where(behind, np.inf, size))
+
+
+def linearise(
+    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics
+) -> tuple[Array, Array]:
+    """Residuals (N, 2) of points on their pinholes and derivative (N, 2, 6) by a right-hand twist of the pose."""
+    points_rig = se3.transform(se3.inverse(T_world_rig), points)
+    predicted, depth = optics.to_plane(points_rig, views)
+    in_front = depth > _MIN_DEPTH
+    depth = np.where(in_front, depth, 1.0)
+    by_local = np.zeros((len(points), 2, 3))
+    by_local[:, 0, 0] = by_local[:, 1, 1] = optics.focal / depth
+    by_local[:, :, 2] = -predicted / depth[:, None]
+    by_rig = by_local @ optics.T_view_rig[views, :3, :3]
+    by_twist = np.concatenate([se3.skew(points_rig), np.broadcast_to(-np.eye(3), (len(points), 3, 3))], axis=2)
+    J = by_rig @ by_twist
+    J[~in_front] = 0.0
+    return np.where(in_front[:, None], predicted - plane, 0.0), J

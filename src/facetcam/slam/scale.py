@@ -1,0 +1,79 @@
+"""How well the images determine the metre."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from facetcam.geometry import se3
+from facetcam.slam.bundle import Bundle
+from facetcam.slam.optics import Optics
+from facetcam.slam.pose import linearise
+
+Array = NDArray[np.float64]
+
+
+def scale_sigma(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
+    """Relative standard deviation of the map's scale from the information in its reprojections.
+
+    The points are eliminated (Schur complement); what is left bounds how far all frames can move towards
+    or away from the first one together while rotations and points follow.
+
+    Returns
+    -------
+    float
+        inf where the images cannot tell the scale: one central camera, or no motion.
+    """
+    K = len(bundle.T_world_rig)
+    centres = bundle.T_world_rig[:, :3, 3] - bundle.T_world_rig[0, :3, 3]
+    if K < 2 or np.linalg.norm(centres) < 1e-6:
+        return np.inf
+    S = _pose_information(bundle, optics, pixel_sigma)[6:, 6:]  # the first frame is held
+    # A scale change moves each frame along its own axes by R' (c_k - c_0).
+    scale = np.zeros((K - 1, 6))
+    scale[:, 3:] = np.einsum("kji,kj->ki", bundle.T_world_rig[1:, :3, :3], centres[1:])
+    direction = scale.ravel() / np.sum(scale**2)
+    values, vectors = np.linalg.eigh(S)
+    along = vectors.T @ direction
+    floor = 1e-9 * max(float(values[-1]), 1e-12)
+    sigma = float(np.sqrt(np.sum(along**2 / np.maximum(values, floor))))
+    return sigma if sigma < 1.0 else np.inf
+
+
+def _pose_information(bundle: Bundle, optics: Optics, pixel_sigma: float) -> Array:
+    """Information (6K, 6K) of right-hand twists of the poses, with all points eliminated."""
+    K, P, M = len(bundle.T_world_rig), len(bundle.points), len(bundle.frame)
+    residual, J, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
+    for k, T in enumerate(bundle.T_world_rig):
+        rows = bundle.frame == k
+        points = bundle.points[bundle.point[rows]]
+        residual[rows], J[rows] = linearise(T, points, bundle.view[rows], bundle.plane[rows], optics)
+        by_point[rows] = -J[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
+    weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
+    variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum()))
+    root = np.sqrt(weight / max(variance, 1e-6))[:, None, None]
+    A = _blocks(root * J, bundle.frame, K)
+    B = _blocks(root * by_point, bundle.point, P)
+    V = (B.T @ B).tobsr((3, 3))
+    inverse = np.linalg.inv(_diagonal_blocks(V, P) + 1e-9 * np.eye(3))
+    V_inverse = sparse.bsr_matrix((inverse, np.arange(P), np.arange(P + 1)), shape=(3 * P, 3 * P))
+    W = A.T @ B
+    return np.asarray((A.T @ A - W @ V_inverse @ W.T).todense())
+
+
+def _blocks(values: Array, column: NDArray[np.int64], n_columns: int) -> sparse.csr_matrix:
+    """Sparse matrix with one dense block a row-block, in the given block column."""
+    rows, height, width = values.shape
+    matrix = sparse.bsr_matrix(
+        (values, column, np.arange(rows + 1)), shape=(rows * height, n_columns * width)
+    )
+    return matrix.tocsr()
+
+
+def _diagonal_blocks(V: sparse.bsr_matrix, count: int) -> Array:
+    blocks = np.zeros((count, 3, 3))
+    row = np.repeat(np.arange(count), np.diff(V.indptr))
+    diagonal = row == V.indices
+    blocks[row[diagonal]] = V.data[diagonal]
+    return blocks
