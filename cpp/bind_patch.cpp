@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "bindings.hpp"
 #include "patch.hpp"
 
 namespace nb = nanobind;
@@ -49,7 +50,7 @@ auto align_patches(const Image &full, const Image &half, const Patches &patches,
 
 } // namespace
 
-void bind_patch(nb::module_ &m) {
+void facetcam::bind_patch(nb::module_ &m) {
     m.def("align_patches", &align_patches, "full"_a.noconvert(), "half"_a.noconvert(), "patches"_a.noconvert(),
           "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(), "max_shift"_a, "max_iterations"_a,
           "Positions, correlation and spread (N, 4) of patches found in an image.");

@@ -10,6 +10,7 @@
 namespace facetcam {
 
 void bind_features(nanobind::module_& m);
+void bind_patch(nanobind::module_& m);
 void bind_raycast(nanobind::module_& m);
 void bind_tracing(nanobind::module_& m);
 

@@ -49,7 +49,7 @@ class SlamConfig:
         Relative scale error below which the map is called metric.
     """
 
-    features: int = 1000
+    features: int = 1200
     seam_margin: float = 8.0
     points_per_view: int = 250
     min_inliers: int = 15
@@ -60,7 +60,7 @@ class SlamConfig:
     match_distance: int = 64
     match_ratio: float = 0.85
     search_radius: float = 0.05
-    min_parallax: float = 0.015
+    min_parallax: float = 0.01
     keyframe_parallax: float = 0.08
     keyframe_angle: float = 0.2
     keyframe_overlap: float = 0.75

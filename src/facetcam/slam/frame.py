@@ -78,7 +78,9 @@ class CornerFinder:
 
     def __init__(self, optics: Optics, max_features: int) -> None:
         self._optics = optics
-        self._detector = SIICF.create(max_features=max_features, spread=True)
+        # Cells of about nine corners: every part of every view has some, and no blank wall has many.
+        cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
+        self._detector = SIICF.create(max_features=max_features, spread=cell, oriented=False)
 
     def __call__(self, frame: Frame) -> Corners:
         """Corners of the frame, found once and kept with it."""

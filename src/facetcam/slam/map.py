@@ -120,6 +120,10 @@ class Map:
     """All keyframes and points."""
 
     def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything."""
         self.points = Points()
         self.keyframes: list[Keyframe] = []
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features import match_mutual
 from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
+from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
@@ -82,13 +82,8 @@ class Mapper:
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:
         """Match the free corners of two keyframes and add those whose rays meet as map points."""
         a, b = np.flatnonzero(new.free), np.flatnonzero(old.free)
-        matches = match_mutual(
-            new.corners.descriptors[a],
-            old.corners.descriptors[b],
-            self._config.match_ratio,
-            self._config.match_distance,
-        )
-        a, b = a[matches[:, 0]], b[matches[:, 1]]
+        T_new_old = se3.inverse(new.T_world_rig) @ old.T_world_rig
+        a, b = match_along_epipolars(new.corners, a, old.corners, b, T_new_old, gate, self._optics, self._config)
         xyz, consistent = self._meet(new, a, old, b, gate)
         a, b, xyz = a[consistent], b[consistent], xyz[consistent]
         ids, kept = self._map.add_points(xyz, new, a, self._optics)

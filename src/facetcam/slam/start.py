@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features import match_mutual
+from facetcam.features import match_windowed
 from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 
@@ -16,17 +17,29 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 MIN_MATCHES = 60
-_START_PARALLAX = 0.03  # radians
+_SEARCH = 0.3  # of the frame's width
+_START_PARALLAX = 0.015  # radians
 _UNKNOWN_DEPTH = 2.0  # metres: the median depth of a scene whose scale the images cannot tell
 _SCALES = np.geomspace(0.25, 4.0, 33)
 _EPIPOLAR_GATE = 2.0  # px
+START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 
 
 def match_corners(a: Corners, b: Corners, config: SlamConfig) -> tuple[Index, Index]:
-    """Corners of two frames that look alike, in the same view."""
-    matches = match_mutual(a.descriptors, b.descriptors, config.match_ratio, config.match_distance)
-    same = a.views[matches[:, 0]] == b.views[matches[:, 1]]
-    return matches[same, 0], matches[same, 1]
+    """Corners of two frames that look alike, in the same view and not far from each other on it."""
+    hits = match_windowed(
+        a.descriptors,
+        a.pixels,
+        a.views,
+        b.descriptors,
+        b.pixels,
+        b.views,
+        radius=_SEARCH * float(np.ptp(a.pixels[:, 0])) if len(a) else 0.0,
+        max_distance=config.match_distance,
+        ratio=config.match_ratio,
+    )
+    rows = np.flatnonzero(hits >= 0)
+    return rows, hits[rows].astype(np.int64)
 
 
 def parallax(a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics) -> tuple[Array, Array]:
@@ -39,30 +52,25 @@ def parallax(a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array,
     return np.where(other > 0, distance, -1.0), angle
 
 
-def epipolar_error(
-    a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics
-) -> Array:
-    """Sampson distance (N,) in pixels of matched corners from the epipolar geometry of a rig motion."""
-    view_a, view_b = a.views[rows_a], b.views[rows_b]
-    T_b_a = se3.inverse(T_a_b)
-    T = optics.T_view_rig[view_b] @ T_b_a @ optics.T_rig_view[view_a]
-    E = se3.skew(T[:, :3, 3]) @ T[:, :3, :3]
-    one = np.ones((len(rows_a), 1))
-    xa = np.hstack([optics.plane(a.pixels[rows_a], view_a) / optics.focal, one])
-    xb = np.hstack([optics.plane(b.pixels[rows_b], view_b) / optics.focal, one])
-    line_b = np.einsum("nij,nj->ni", E, xa)
-    line_a = np.einsum("nji,nj->ni", E, xb)
-    slope = np.linalg.norm(np.hstack([line_a[:, :2], line_b[:, :2]]), axis=1)
-    return optics.focal * np.abs(np.einsum("ni,ni->n", xb, line_b)) / np.maximum(slope, 1e-12)
+def _epipolar(a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics) -> Array:
+    """Sampson distances (N,) in pixels of matched corners."""
+    error = np.empty(len(rows_a))
+    views = a.views[rows_a]
+    for view in np.unique(views):
+        rows = views == view
+        plane_a = optics.plane(a.pixels[rows_a[rows]], views[rows])
+        plane_b = optics.plane(b.pixels[rows_b[rows]], views[rows])
+        error[rows] = epipolar_error(plane_a, plane_b, int(view), T_a_b, optics)
+    return error
 
 
 def enough_parallax(a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig) -> bool:
     """Tell whether two frames with a known motion can start a map."""
-    rows_a, rows_b = match_corners(a, b, config)
-    if len(rows_a) < MIN_MATCHES:
-        return False
-    distance, angle = parallax(a, rows_a, b, rows_b, T_a_b, optics)
-    return int(np.sum((distance > 0) & (angle > _START_PARALLAX))) >= MIN_MATCHES
+    everything = np.arange(len(a)), np.arange(len(b))
+    rows_a, rows_b = match_along_epipolars(
+        a, everything[0], b, everything[1], T_a_b, START_GATE, optics, config
+    )
+    return _count_good(a, rows_a, b, rows_b, T_a_b, optics, START_GATE) >= MIN_MATCHES
 
 
 def estimate_motion(a: Corners, b: Corners, optics: Optics, config: SlamConfig) -> Array | None:
@@ -83,11 +91,17 @@ def estimate_motion(a: Corners, b: Corners, optics: Optics, config: SlamConfig) 
     if best is None:
         return None
     T_a_b = _with_length(best[1], best[2], a, rows_a, b, rows_b, optics)
-    fits = epipolar_error(a, rows_a, b, rows_b, T_a_b, optics) < _EPIPOLAR_GATE
+    good = _count_good(a, rows_a, b, rows_b, T_a_b, optics, _EPIPOLAR_GATE)
+    return T_a_b if good >= max(MIN_MATCHES, 0.5 * len(rows_a)) else None
+
+
+def _count_good(
+    a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics, gate: float
+) -> int:
+    """Matches that fit a motion, lie in front of the views and have parallax."""
+    fits = _epipolar(a, rows_a, b, rows_b, T_a_b, optics) < gate
     distance, angle = parallax(a, rows_a, b, rows_b, T_a_b, optics)
-    good = fits & (distance > 0) & (angle > _START_PARALLAX)
-    enough = good.sum() >= MIN_MATCHES and fits.mean() > 0.6
-    return T_a_b if enough else None
+    return int(np.sum(fits & (distance > 0) & (angle > _START_PARALLAX)))
 
 
 def _view_motion(
@@ -131,7 +145,7 @@ def _with_length(
     best, best_cost = rig_motion(usual), np.inf
     for factor in sorted(_SCALES, key=lambda s: abs(float(np.log(s)))):
         T = rig_motion(usual * factor)
-        error = epipolar_error(a, rows_a, b, rows_b, T, optics)
+        error = _epipolar(a, rows_a, b, rows_b, T, optics)
         cost = float(np.minimum(error, _EPIPOLAR_GATE).mean())
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost

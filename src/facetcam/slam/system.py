@@ -24,13 +24,12 @@ from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
 from facetcam.slam.scale import scale_sigma
-from facetcam.slam.start import enough_parallax, estimate_motion, match_corners, MIN_MATCHES
+from facetcam.slam.start import MIN_MATCHES, START_GATE, enough_parallax, estimate_motion, match_corners
 from facetcam.slam.state import State, Status, ViewHealth
 
 Array = NDArray[np.float64]
 
 _NEAR_KEYFRAMES = 10
-_START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _MAX_WAITING = 40
 
 
@@ -253,16 +252,16 @@ class Slam:
 
     def _start(self, frame: Frame, odometry: Array | None) -> State:
         """Wait for a pair of frames that can start the map; nothing is said of a motion that is not seen."""
-        corners = self._corners(frame)
         self._waiting = [*self._waiting[-_MAX_WAITING:], (frame, odometry)]
-        first, wheels = self._waiting[0]
-        if first is not frame:
+        while len(self._waiting) > 1:
+            first, wheels = self._waiting[0]
             T = self._first_motion(first, wheels, frame, odometry)
             if T is not None:
                 with self._timed("map"):
                     return self._first_map(first, wheels, frame, odometry, T)
-            if first.corners is not None and len(match_corners(first.corners, corners, self.config)[0]) < MIN_MATCHES:
-                self._waiting = self._waiting[-1:]
+            if len(match_corners(self._corners(first), self._corners(frame), self.config)[0]) >= MIN_MATCHES:
+                break
+            self._waiting.pop(0)  # out of sight
         pose = None if odometry is None else planar_pose(odometry)
         return State(frame.timestamp, Status.STARTING, pose)
 
@@ -281,9 +280,11 @@ class Slam:
         """Make the first two keyframes, then find the frames that waited between them."""
         origin = np.eye(4) if wheels is None else planar_pose(wheels)
         nothing = Measurements(np.empty(0, np.int64), np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 2)))
-        self._add_keyframe(first, origin, nothing, wheels, _START_GATE)
+        self._add_keyframe(first, origin, nothing, wheels, START_GATE)
         self._remember(first.timestamp, origin)
-        keyframe = self._add_keyframe(frame, origin @ T_first_rig, nothing, odometry, _START_GATE)
+        keyframe = self._add_keyframe(frame, origin @ T_first_rig, nothing, odometry, START_GATE)
+        if self._n_points < MIN_MATCHES // 2:
+            return self._start_again(frame, odometry)
         for waiting, _ in self._waiting[1:-1]:
             fix = self._locate(waiting, self._interpolated(waiting.timestamp)) or self._relocate(
                 waiting, self._T_world_rig
@@ -294,6 +295,12 @@ class Slam:
         self._remember(frame.timestamp, keyframe.T_world_rig)
         self._T_world_rig = keyframe.T_world_rig
         return State(frame.timestamp, Status.TRACKING, keyframe.T_world_rig, keyframe=True, map_points=self._n_points)
+
+    def _start_again(self, frame: Frame, odometry: Array | None) -> State:
+        """The pair gave no map after all: forget it, and wait for a better one."""
+        self._map.clear()
+        self._tracked.clear()
+        return State(frame.timestamp, Status.STARTING, None if odometry is None else planar_pose(odometry))
 
     def _interpolated(self, timestamp: float) -> Array:
         """Pose between the first two keyframes."""

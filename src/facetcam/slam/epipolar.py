@@ -1,0 +1,81 @@
+"""Epipolar geometry of one view at two rig poses, and matching of corners along it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import Corners
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FAR = 1 << 14  # a Hamming distance that never matches
+
+
+def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, optics: Optics) -> Array:
+    """Sampson distance in pixels of points seen in one view at two rig poses.
+
+    Parameters
+    ----------
+    plane_a, plane_b : (..., 2) arrays
+        Positions on the view's ideal pinhole; they broadcast.
+    T_a_b : (4, 4) array
+        Motion of the rig.
+    """
+    T = optics.T_view_rig[view] @ se3.inverse(T_a_b) @ optics.T_rig_view[view]
+    E = se3.skew(T[:3, 3]) @ T[:3, :3]
+    a, b = (np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b))
+    line_b, line_a = a @ E.T, b @ E
+    slope2 = line_a[..., 0] ** 2 + line_a[..., 1] ** 2 + line_b[..., 0] ** 2 + line_b[..., 1] ** 2
+    return optics.focal * np.abs(np.sum(b * line_b, axis=-1)) / np.sqrt(np.maximum(slope2, 1e-20))
+
+
+def match_along_epipolars(
+    a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, gate: float, optics: Optics, config: SlamConfig
+) -> tuple[Index, Index]:
+    """Match rows of two frames' corners that lie on each other's epipolar lines within `gate` pixels.
+
+    Returns
+    -------
+    rows_a, rows_b : (M,) arrays
+        Mutual best matches that are clearly better than the second best on the line.
+    """
+    pairs = []
+    for view in range(optics.n_views):
+        in_a, in_b = rows_a[a.views[rows_a] == view], rows_b[b.views[rows_b] == view]
+        if not len(in_a) or not len(in_b):
+            continue
+        plane_a = optics.plane(a.pixels[in_a], np.full(len(in_a), view))
+        plane_b = optics.plane(b.pixels[in_b], np.full(len(in_b), view))
+        distance = _hamming(a.descriptors[in_a], b.descriptors[in_b])
+        distance[epipolar_error(plane_a[:, None], plane_b[None], view, T_a_b, optics) > gate] = _FAR
+        best_a, best_b = _mutual_best(distance, config)
+        pairs.append((in_a[best_a], in_b[best_b]))
+    if not pairs:
+        return rows_a[:0], rows_b[:0]
+    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+
+
+def _mutual_best(distance: NDArray[np.int32], config: SlamConfig) -> tuple[Index, Index]:
+    column = np.argmin(distance, axis=1)
+    rows = np.arange(len(distance))
+    best = distance[rows, column]
+    mutual = np.argmin(distance, axis=0)[column] == rows
+    if distance.shape[1] > 1:
+        second = np.partition(distance, 1, axis=1)[:, 1]
+        mutual &= best <= config.match_ratio * second
+    keep = np.flatnonzero(mutual & (best <= config.match_distance))
+    return keep, column[keep]
+
+
+def _hamming(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Distances (N, M) in bits between descriptors (N, D), (M, D)."""
+    words_a, words_b = (np.ascontiguousarray(d).view(np.uint64) for d in (a, b))
+    total = np.zeros((len(a), len(b)), np.int32)
+    for i in range(words_a.shape[1]):
+        total += np.bitwise_count(words_a[:, None, i] ^ words_b[None, :, i])
+    return total
