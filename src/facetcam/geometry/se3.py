@@ -63,6 +63,12 @@ def from_rotation_translation(R: ArrayLike, t: ArrayLike) -> Array:
     return T
 
 
+def orthonormalized(T: Array) -> Array:
+    """The rigid motion nearest to a 4x4 matrix whose rotation has drifted by rounding."""
+    U, _, Vt = np.linalg.svd(T[:3, :3])
+    return from_rotation_translation(U @ Vt, T[:3, 3])
+
+
 def skew(v: Array) -> Array:
     """Cross-product matrices (..., 3, 3) of vectors (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(v), -1, 0)

@@ -91,6 +91,7 @@ def refine_pose(
         T = T @ se3.exp(np.clip(delta, -0.3, 0.3))
         if step > 3 and np.abs(delta).max() < 1e-6:
             break
+    T = se3.orthonormalized(T)
     residual, J = linearise(T, points, views, plane, optics)
     size = np.linalg.norm(residual, axis=1)
     weight = 1.0 / (1.0 + (size / sigma) ** 2)
