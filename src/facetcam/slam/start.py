@@ -91,8 +91,9 @@ def estimate_motion(a: Corners, b: Corners, optics: Optics, config: SlamConfig) 
     if best is None:
         return None
     T_a_b = _with_length(best[1], best[2], a, rows_a, b, rows_b, optics)
+    fits = _epipolar(a, rows_a, b, rows_b, T_a_b, optics) < _EPIPOLAR_GATE
     good = _count_good(a, rows_a, b, rows_b, T_a_b, optics, _EPIPOLAR_GATE)
-    return T_a_b if good >= max(MIN_MATCHES, 0.5 * len(rows_a)) else None
+    return T_a_b if good >= MIN_MATCHES and fits.mean() > 0.6 else None
 
 
 def _count_good(
