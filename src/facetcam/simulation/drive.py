@@ -1,0 +1,111 @@
+"""A robot's drive round the room, and what its wheels report of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+
+Array = NDArray[np.float64]
+
+SPEED = 0.7  # metres a second, reached within the first second
+WHEELBASE = 0.3  # metres over which bumps tilt the robot
+BUMPS = ((1.2, 0.15), (3.4, 0.4), (5.6, 0.2))  # metres along the path, half width in metres
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Drive:
+    """True motion of the rig.
+
+    Attributes
+    ----------
+    times : (N,) array
+        Seconds.
+    poses : (N, 4, 4) array
+        T_world_rig.
+    """
+
+    times: Array
+    poses: Array
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+
+def round_the_table(frames: int, fps: float = 10.0, height: float = 0.85, bumps: float = 0.0) -> Drive:
+    """Drive a wavy loop round the middle of the built-in room, facing along the path.
+
+    Parameters
+    ----------
+    frames : int
+        The loop closes after about 110 frames at 10 a second.
+    fps : float
+    height : float
+        Metres of the rig above the floor.
+    bumps : float
+        Height in metres of the bumps and ramps on the way; 0 for a plane drive.
+    """
+    times = np.arange(frames) / fps
+    travelled = SPEED * (times + np.exp(-3.0 * times) / 3.0 - 1.0 / 3.0)
+    angle = np.linspace(-0.6, -0.6 + 6 * np.pi, 12001)
+    radius = 1.0 + 0.08 * np.sin(3.0 * angle) + 0.05 * np.sin(2.0 * angle + 1.0)
+    path = radius[:, None] * np.column_stack([1.25 * np.cos(angle), 0.95 * np.sin(angle)])
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    heading = np.unwrap(np.arctan2(np.gradient(path[:, 1]), np.gradient(path[:, 0])))
+    x, y, yaw = (np.interp(travelled, length, values) for values in (path[:, 0], path[:, 1], heading))
+    front = bumps * _ground(travelled + WHEELBASE / 2)
+    rear = bumps * _ground(travelled - WHEELBASE / 2)
+    z, pitch = height + (front + rear) / 2, np.arctan2(front - rear, WHEELBASE)
+    poses = np.array([_pose(*values) for values in zip(x, y, z, yaw, pitch)])
+    return Drive(times, poses)
+
+
+def wheel_odometry(
+    drive: Drive, seed: int = 0, scale_error: float = 0.04, yaw_drift: float = 0.01, noise: float = 0.01
+) -> Array:
+    """What wheels report: a path in a frame of its own that drifts away.
+
+    Parameters
+    ----------
+    drive : Drive
+    seed : int
+    scale_error : float
+        Relative error of every length.
+    yaw_drift : float
+        Radians a metre.
+    noise : float
+        Standard deviation of scale (relative) and turn (radians a metre) from step to step.
+
+    Returns
+    -------
+    (N, 3) array
+        x along the rig's front (+y), y to its left in metres, and yaw in radians, from (0, 0, 0).
+    """
+    rng = np.random.default_rng(seed)
+    x = y = yaw = 0.0
+    rows = [(x, y, yaw)]
+    for before, after in zip(drive.poses, drive.poses[1:]):
+        step = se3.inverse(before) @ after
+        forward, left = np.array([step[1, 3], -step[0, 3]]) * (
+            1.0 + scale_error + noise * rng.standard_normal()
+        )
+        x += forward * np.cos(yaw) - left * np.sin(yaw)
+        y += forward * np.sin(yaw) + left * np.cos(yaw)
+        yaw += np.arctan2(step[1, 0], step[0, 0]) + (yaw_drift + noise * rng.standard_normal()) * abs(forward)
+        rows.append((x, y, yaw))
+    return np.array(rows)
+
+
+def _ground(travelled: Array) -> Array:
+    """Height of the ground along the path, 1 on top of a bump."""
+    return np.asarray(sum(np.exp(-(((travelled - place) / width) ** 2)) for place, width in BUMPS))
+
+
+def _pose(x: float, y: float, z: float, yaw: float, pitch: float) -> Array:
+    """T_world_rig: the rig's +y looks along the yaw, its nose lifted by the pitch."""
+    T = se3.exp([0.0, 0.0, yaw - np.pi / 2, 0.0, 0.0, 0.0]) @ se3.exp([pitch, 0.0, 0.0, 0.0, 0.0, 0.0])
+    T[:3, 3] = (x, y, z)
+    return T

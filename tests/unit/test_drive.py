@@ -1,0 +1,68 @@
+"""The robot's drive and its wheels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facetcam.geometry import se3
+from facetcam.simulation.drive import round_the_table, wheel_odometry
+from facetcam.simulation.room import LENGTH, WIDTH, furnished_room
+
+
+def test_the_drive_is_smooth_proper_and_faces_where_it_goes() -> None:
+    drive = round_the_table(110)
+    steps = np.diff(drive.poses[:, :3, 3], axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    assert lengths[0] < 0.02 < 0.065 < lengths[20:].min()
+    assert lengths.max() < 0.075
+    fronts = drive.poses[:-1, :3, 1]
+    assert np.einsum("ij,ij->i", fronts, steps).min() > 0
+    assert np.all(np.einsum("ij,ij->i", fronts, steps)[5:] > 0.99 * lengths[5:])
+    for pose in drive.poses:
+        se3.assert_proper_rotation(pose[:3, :3])
+    assert np.all(np.abs(drive.poses[:, :2, 3]) < [LENGTH / 2 - 1.4, WIDTH / 2 - 1.4])
+
+
+def test_bumps_lift_and_pitch_the_rig() -> None:
+    flat, rough = round_the_table(110), round_the_table(110, bumps=0.02)
+    assert np.ptp(flat.poses[:, 2, 3]) == 0.0
+    assert 0.01 < np.ptp(rough.poses[:, 2, 3]) <= 0.02
+    assert np.allclose(flat.poses[:, :2, 3], rough.poses[:, :2, 3])
+    assert 0.01 < np.abs(rough.poses[:, 2, 1]).max() < 0.2
+
+
+def test_faultless_wheels_report_the_path() -> None:
+    drive = round_the_table(60)
+    odometry = wheel_odometry(drive, scale_error=0.0, yaw_drift=0.0, noise=0.0)
+    relative = se3.inverse(drive.poses[0]) @ drive.poses
+    assert np.allclose(odometry[:, 0], relative[:, 1, 3], atol=1e-9)
+    assert np.allclose(odometry[:, 1], -relative[:, 0, 3], atol=1e-9)
+    yaw = np.unwrap(np.arctan2(relative[:, 1, 0], relative[:, 0, 0]))
+    assert np.allclose(odometry[:, 2], yaw, atol=1e-9)
+
+
+def test_wheels_drift_by_the_stated_scale_and_angle() -> None:
+    drive = round_the_table(110)
+    odometry = wheel_odometry(drive, seed=5)
+    assert np.array_equal(odometry, wheel_odometry(drive, seed=5))
+    true = np.linalg.norm(np.diff(drive.poses[:, :3, 3], axis=0), axis=1).sum()
+    assert np.linalg.norm(np.diff(odometry[:, :2], axis=0), axis=1).sum() / true == pytest.approx(
+        1.04, abs=0.005
+    )
+    faultless = wheel_odometry(drive, scale_error=0.0, yaw_drift=0.0, noise=0.0)
+    assert odometry[-1, 2] - faultless[-1, 2] == pytest.approx(0.01 * true, abs=0.03)
+
+
+def test_the_room_is_the_same_every_time() -> None:
+    one, two, other = furnished_room(1), furnished_room(1), furnished_room(2)
+    assert len(one.surfaces) == len(two.surfaces) == len(other.surfaces)
+    for a, b in zip(one.surfaces, two.surfaces):
+        assert np.array_equal(a.picture, b.picture)
+        assert np.array_equal(a.corner, b.corner)
+    assert not all(np.array_equal(a.picture, b.picture) for a, b in zip(one.surfaces, other.surfaces))
+    for surface in one.surfaces:
+        assert abs(surface.right @ surface.down) < 1e-9
+        ratio = np.array(surface.size) / surface.picture.shape[1::-1]
+        if min(surface.picture.shape[:2]) > 20:
+            assert ratio.max() / ratio.min() < 1.06  # texels are about square
