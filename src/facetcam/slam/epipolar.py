@@ -49,10 +49,9 @@ def match_along_epipolars(
         in_a, in_b = rows_a[a.views[rows_a] == view], rows_b[b.views[rows_b] == view]
         if not len(in_a) or not len(in_b):
             continue
-        plane_a = optics.plane(a.pixels[in_a], np.full(len(in_a), view))
-        plane_b = optics.plane(b.pixels[in_b], np.full(len(in_b), view))
         distance = _hamming(a.descriptors[in_a], b.descriptors[in_b])
-        distance[epipolar_error(plane_a[:, None], plane_b[None], view, T_a_b, optics) > gate] = _FAR
+        error = epipolar_error(a.plane[in_a][:, None], b.plane[in_b][None], view, T_a_b, optics)
+        distance[error > gate] = _FAR
         best_a, best_b = _mutual_best(distance, config)
         pairs.append((in_a[best_a], in_b[best_b]))
     if not pairs:

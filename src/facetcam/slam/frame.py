@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from facetcam.errors import FacetcamError
 from facetcam.features import SIICF, Keypoints, describe
+from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.slam.optics import Optics
 
 Image = NDArray[np.uint8]
@@ -23,11 +24,14 @@ class Corners:
     ----------
     pixels : (N, 2) float64 array
     views : (N,) int8 array
+    plane : (N, 2) array
+        Positions on the views' ideal pinholes.
     descriptors : (N, D) uint8 array
     """
 
     pixels: NDArray[np.float64]
     views: NDArray[np.int8]
+    plane: NDArray[np.float64]
     descriptors: NDArray[np.uint8]
 
     def __len__(self) -> int:
@@ -102,6 +106,7 @@ class CornerFinder:
             xy = kept.xy.astype(np.float64)
             parts.append((xy, self._optics.view_of(xy), descriptors))
         if not parts:
-            return Corners(np.empty((0, 2)), np.empty(0, np.int8), np.empty((0, 32), np.uint8))
+            nothing = np.empty((0, 2))
+            return Corners(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
         pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
-        return Corners(pixels, kept_views, descriptors)
+        return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)

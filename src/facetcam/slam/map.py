@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.geometry import se3
 from facetcam.slam.frame import Corners, Frame
 from facetcam.slam.optics import Optics
@@ -15,7 +16,6 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 PATCH_SIZE = 39
-DESCRIPTOR_BYTES = 32
 
 
 @dataclass(slots=True)

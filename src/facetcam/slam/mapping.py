@@ -93,15 +93,15 @@ class Mapper:
         ids, a, b = ids[confirmed], a[confirmed], b[confirmed]
         new.free[a] = False
         old.free[b] = False
-        pixels, views = new.corners.pixels[a], new.corners.views[a]
-        new.observations.append(ids, views, pixels, self._optics.plane(pixels, views))
+        corners = new.corners
+        new.observations.append(ids, corners.views[a], corners.pixels[a], corners.plane[a])
 
     def _meet(self, new: Keyframe, a: Index, old: Keyframe, b: Index, gate: float) -> tuple[Array, NDArray[np.bool_]]:
         """Triangulate corner pairs, and tell which fit both images with enough parallax."""
         rays = []
         for keyframe, rows in ((new, a), (old, b)):
             views = keyframe.corners.views[rows]
-            directions = self._optics.rays(keyframe.corners.pixels[rows], views)
+            directions = self._optics.plane_rays(keyframe.corners.plane[rows], views)
             origins = se3.transform(keyframe.T_world_rig, self._optics.origins(views))
             rays += [origins, directions @ keyframe.T_world_rig[:3, :3].T]
         xyz, distance_a, distance_b, angle = triangulate_two_rays(*rays)
@@ -110,8 +110,7 @@ class Mapper:
             views = keyframe.corners.views[rows]
             points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), xyz)
             plane, depth = self._optics.to_plane(points_rig, views)
-            seen = self._optics.plane(keyframe.corners.pixels[rows], views)
-            good &= (depth > 0) & (np.linalg.norm(plane - seen, axis=1) < gate)
+            good &= (depth > 0) & (np.linalg.norm(plane - keyframe.corners.plane[rows], axis=1) < gate)
         return xyz, good
 
     def _confirm(

@@ -117,6 +117,12 @@ class Optics:
         rays = np.einsum("nij,nj->ni", self.T_view_rig[views, :3, :3], self.rays(pixels, views))
         return self.focal * rays[:, :2] / np.maximum(rays[:, 2:], _STEEPEST)
 
+    def plane_rays(self, plane: Array, views: Index) -> Array:
+        """Unit directions (N, 3) in the rig frame of positions on the ideal pinholes."""
+        local = np.column_stack([plane / self.focal, np.ones(len(plane))])
+        local /= np.linalg.norm(local, axis=1, keepdims=True)
+        return np.einsum("nij,nj->ni", self.T_rig_view[views, :3, :3], local)
+
     def to_plane(self, points_rig: Array, views: Index) -> tuple[Array, Array]:
         """Points (N, 3) on the ideal pinholes of their views: plane coordinates (N, 2) and depths (N,)."""
         T = self.T_view_rig[views]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,15 +19,57 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 MIN_MATCHES = 60
+START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _SEARCH = 0.3  # of the frame's width
 _START_PARALLAX = 0.015  # radians
 _UNKNOWN_DEPTH = 2.0  # metres: the median depth of a scene whose scale the images cannot tell
-_SCALES = np.geomspace(0.25, 4.0, 33)
+_LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_GATE = 2.0  # px
-START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
+_FITTING = 0.45  # share of the matches that the right motion explains
+_MIN_VIEW_MATCHES = 20
 
 
-def match_corners(a: Corners, b: Corners, config: SlamConfig) -> tuple[Index, Index]:
+@dataclass(slots=True)
+class Pairs:
+    """Corners of two frames taken for the same points: view, and position on its ideal pinhole in both."""
+
+    views: NDArray[np.int8]
+    plane_a: Array
+    plane_b: Array
+
+    @classmethod
+    def of(cls, a: Corners, rows_a: Index, b: Corners, rows_b: Index) -> Pairs:
+        """Pairs of corner rows."""
+        return cls(a.views[rows_a], a.plane[rows_a], b.plane[rows_b])
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
+        """Sampson distances (N,) in pixels from a motion of the rig."""
+        error = np.empty(len(self))
+        for view in np.unique(self.views):
+            rows = self.views == view
+            error[rows] = epipolar_error(self.plane_a[rows], self.plane_b[rows], int(view), T_a_b, optics)
+        return error
+
+    def parallax(self, T_a_b: Array, optics: Optics) -> tuple[Array, Array]:
+        """Distance (N,) from frame a, negative where rays part, and angle (N,) between the rays."""
+        origins = optics.origins(self.views)
+        rays_a, rays_b = (optics.plane_rays(p, self.views) for p in (self.plane_a, self.plane_b))
+        _, distance, other, angle = triangulate_two_rays(
+            origins, rays_a, se3.transform(T_a_b, origins), rays_b @ T_a_b[:3, :3].T
+        )
+        return np.where(other > 0, distance, -1.0), angle
+
+    def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> int:
+        """Pairs that fit a motion, lie in front of the views and have parallax."""
+        distance, angle = self.parallax(T_a_b, optics)
+        fits = self.epipolar_errors(T_a_b, optics) < gate
+        return int(np.sum(fits & (distance > 0) & (angle > _START_PARALLAX)))
+
+
+def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
     """Corners of two frames that look alike, in the same view and not far from each other on it."""
     hits = match_windowed(
         a.descriptors,
@@ -39,115 +83,73 @@ def match_corners(a: Corners, b: Corners, config: SlamConfig) -> tuple[Index, In
         ratio=config.match_ratio,
     )
     rows = np.flatnonzero(hits >= 0)
-    return rows, hits[rows].astype(np.int64)
-
-
-def parallax(a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics) -> tuple[Array, Array]:
-    """Distances (N,) along the rays of `a` and angles (N,) between matched rays, for a given motion."""
-    origins_a = optics.origins(a.views[rows_a])
-    rays_a = optics.rays(a.pixels[rows_a], a.views[rows_a])
-    origins_b = se3.transform(T_a_b, optics.origins(b.views[rows_b]))
-    rays_b = optics.rays(b.pixels[rows_b], b.views[rows_b]) @ T_a_b[:3, :3].T
-    _, distance, other, angle = triangulate_two_rays(origins_a, rays_a, origins_b, rays_b)
-    return np.where(other > 0, distance, -1.0), angle
-
-
-def _epipolar(a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics) -> Array:
-    """Sampson distances (N,) in pixels of matched corners."""
-    error = np.empty(len(rows_a))
-    views = a.views[rows_a]
-    for view in np.unique(views):
-        rows = views == view
-        plane_a = optics.plane(a.pixels[rows_a[rows]], views[rows])
-        plane_b = optics.plane(b.pixels[rows_b[rows]], views[rows])
-        error[rows] = epipolar_error(plane_a, plane_b, int(view), T_a_b, optics)
-    return error
+    return Pairs.of(a, rows, b, hits[rows].astype(np.int64))
 
 
 def enough_parallax(a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig) -> bool:
     """Tell whether two frames with a known motion can start a map."""
-    everything = np.arange(len(a)), np.arange(len(b))
-    rows_a, rows_b = match_along_epipolars(
-        a, everything[0], b, everything[1], T_a_b, START_GATE, optics, config
-    )
-    return _count_good(a, rows_a, b, rows_b, T_a_b, optics, START_GATE) >= MIN_MATCHES
+    rows = match_along_epipolars(a, np.arange(len(a)), b, np.arange(len(b)), T_a_b, START_GATE, optics, config)
+    return Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE) >= MIN_MATCHES
 
 
-def estimate_motion(a: Corners, b: Corners, optics: Optics, config: SlamConfig) -> Array | None:
+def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     """Motion `T_a_b` between two frames from their corners alone, or None where they cannot tell.
 
-    The view with the most matches gives rotation and direction (PoseLib, five points); the length is the
-    one with which all views agree best, and `_UNKNOWN_DEPTH` where they do not care.
+    Each view proposes a rotation and a direction (PoseLib, five points), to which the length is added with
+    which all views agree best; the proposal that explains most pairs of all views wins.
     """
-    rows_a, rows_b = match_corners(a, b, config)
-    if len(rows_a) < MIN_MATCHES:
+    if len(pairs) < MIN_MATCHES:
         return None
-    best: tuple[int, int, Array] | None = None
-    for view in np.unique(a.views[rows_a]):
-        rows = a.views[rows_a] == view
-        candidate = _view_motion(a, rows_a[rows], b, rows_b[rows], int(view), optics)
-        if candidate is not None and (best is None or candidate[0] > best[0]):
-            best = candidate
-    if best is None:
+    best, most = None, 0
+    for view in np.unique(pairs.views):
+        proposal = _view_motion(pairs, int(view), optics)
+        if proposal is not None:
+            T = _with_length(proposal, int(view), pairs, optics)
+            fits = int(np.sum(pairs.epipolar_errors(T, optics) < _EPIPOLAR_GATE))
+            if fits > most:
+                best, most = T, fits
+    if best is None or most < _FITTING * len(pairs):
         return None
-    T_a_b = _with_length(best[1], best[2], a, rows_a, b, rows_b, optics)
-    fits = _epipolar(a, rows_a, b, rows_b, T_a_b, optics) < _EPIPOLAR_GATE
-    good = _count_good(a, rows_a, b, rows_b, T_a_b, optics, _EPIPOLAR_GATE)
-    return T_a_b if good >= MIN_MATCHES and fits.mean() > 0.6 else None
+    return best if pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES else None
 
 
-def _count_good(
-    a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, optics: Optics, gate: float
-) -> int:
-    """Matches that fit a motion, lie in front of the views and have parallax."""
-    fits = _epipolar(a, rows_a, b, rows_b, T_a_b, optics) < gate
-    distance, angle = parallax(a, rows_a, b, rows_b, T_a_b, optics)
-    return int(np.sum(fits & (distance > 0) & (angle > _START_PARALLAX)))
-
-
-def _view_motion(
-    a: Corners, rows_a: Index, b: Corners, rows_b: Index, view: int, optics: Optics
-) -> tuple[int, int, Array] | None:
-    """Inlier count, view, and motion of the view's pinhole with a translation of length one."""
+def _view_motion(pairs: Pairs, view: int, optics: Optics) -> Array | None:
+    """Motion of one view's pinhole with a translation of length one."""
     import poselib
 
-    if len(rows_a) < MIN_MATCHES // 3:
+    rows = pairs.views == view
+    if rows.sum() < _MIN_VIEW_MATCHES:
         return None
-    views = np.full(len(rows_a), view)
     camera = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
-    pose, info = poselib.estimate_relative_pose(
-        optics.plane(a.pixels[rows_a], views),
-        optics.plane(b.pixels[rows_b], views),
+    pose, _ = poselib.estimate_relative_pose(
+        pairs.plane_a[rows],
+        pairs.plane_b[rows],
         camera,
         camera,
-        {"max_epipolar_error": 1.0, "min_iterations": 200, "max_iterations": 3000, "seed": 0},
+        {"max_epipolar_error": 1.0, "min_iterations": 200, "max_iterations": 2000, "seed": 0},
         {},
     )
     length = float(np.linalg.norm(pose.t))
-    if length < 1e-9:
+    if not length > 1e-9:
         return None
-    T_b_a = se3.from_rotation_translation(pose.R, pose.t / length)
-    return int(np.sum(info["inliers"])), view, se3.inverse(T_b_a)
+    return se3.inverse(se3.from_rotation_translation(pose.R, pose.t / length))
 
 
-def _with_length(
-    view: int, T_view: Array, a: Corners, rows_a: Index, b: Corners, rows_b: Index, optics: Optics
-) -> Array:
-    """Choose the length of a motion whose direction is known in one view."""
+def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Array:
+    """Motion of the rig from that of one view, with the length that suits all views."""
 
     def rig_motion(length: float) -> Array:
-        T = T_view.copy()
+        T = T_unit.copy()
         T[:3, 3] *= length
         return optics.T_rig_view[view] @ T @ optics.T_view_rig[view]
 
-    distance, _ = parallax(a, rows_a, b, rows_b, rig_motion(1.0), optics)
+    distance, _ = pairs.parallax(rig_motion(1.0), optics)
     ahead = distance[(distance > 0) & (distance < 1e3)]
     usual = _UNKNOWN_DEPTH / max(float(np.median(ahead)), 1e-6) if len(ahead) else 1.0
     best, best_cost = rig_motion(usual), np.inf
-    for factor in sorted(_SCALES, key=lambda s: abs(float(np.log(s)))):
+    for factor in sorted(_LENGTHS, key=lambda s: abs(float(np.log(s)))):
         T = rig_motion(usual * factor)
-        error = _epipolar(a, rows_a, b, rows_b, T, optics)
-        cost = float(np.minimum(error, _EPIPOLAR_GATE).mean())
+        cost = float(np.minimum(pairs.epipolar_errors(T, optics), _EPIPOLAR_GATE).mean())
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost
     return best

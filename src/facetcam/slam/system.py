@@ -24,13 +24,14 @@ from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
 from facetcam.slam.scale import scale_sigma
-from facetcam.slam.start import MIN_MATCHES, START_GATE, enough_parallax, estimate_motion, match_corners
+from facetcam.slam.start import MIN_MATCHES, START_GATE, Pairs, enough_parallax, estimate_motion, match_corners
 from facetcam.slam.state import State, Status, ViewHealth
 
 Array = NDArray[np.float64]
 
 _NEAR_KEYFRAMES = 10
 _MAX_WAITING = 40
+_IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
 
 
 @dataclass(slots=True)
@@ -255,23 +256,22 @@ class Slam:
         self._waiting = [*self._waiting[-_MAX_WAITING:], (frame, odometry)]
         while len(self._waiting) > 1:
             first, wheels = self._waiting[0]
-            T = self._first_motion(first, wheels, frame, odometry)
+            pairs = match_corners(self._corners(first), self._corners(frame), self.config)
+            T = self._first_motion(pairs, wheels, frame, odometry)
             if T is not None:
                 with self._timed("map"):
                     return self._first_map(first, wheels, frame, odometry, T)
-            if len(match_corners(self._corners(first), self._corners(frame), self.config)[0]) >= MIN_MATCHES:
+            if len(pairs) >= max(MIN_MATCHES, _IN_SIGHT * len(self._corners(first))):
                 break
             self._waiting.pop(0)  # out of sight
         pose = None if odometry is None else planar_pose(odometry)
         return State(frame.timestamp, Status.STARTING, pose)
 
-    def _first_motion(
-        self, first: Frame, wheels: Array | None, frame: Frame, odometry: Array | None
-    ) -> Array | None:
-        a, b = self._corners(first), self._corners(frame)
+    def _first_motion(self, pairs: Pairs, wheels: Array | None, frame: Frame, odometry: Array | None) -> Array | None:
         if wheels is None or odometry is None:
-            return estimate_motion(a, b, self._optics, self.config)
+            return estimate_motion(pairs, self._optics)
         T, _ = planar_motion(wheels, odometry, 0.0)
+        a, b = self._corners(self._waiting[0][0]), self._corners(frame)
         return T if enough_parallax(a, b, T, self._optics, self.config) else None
 
     def _first_map(
