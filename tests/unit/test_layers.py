@@ -21,7 +21,8 @@ LAYERS = (
     {"slam"},
     {"viz"},
     {"pipelines"},
-    {"cli", "__main__"},
+    {"cli"},
+    {"__main__"},
 )
 RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
 

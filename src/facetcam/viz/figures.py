@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 # matplotlib writes fixed colours; these marks are replaced by the page's CSS variables afterwards.
 INK, MUTED, LINE = "#010203", "#040506", "#070809"
 CSS_OF_MARK = {INK: "var(--ink)", MUTED: "var(--muted)", LINE: "var(--line)"}
+COLOUR_OF_CSS = {"var(--ink)": "#1b1f24", "var(--muted)": "#6b7480", "var(--line)": "#e3e6ea"}
 BAR_COLOUR, TRUTH_COLOUR, ERROR_COLOUR, CLOUD_COLOUR = "#1aa179", "#e8890c", "#e5484d", "#8a94a3"
 MAX_SAMPLES = 1500  # along time; more would only make the page heavy
 
@@ -157,3 +158,10 @@ def to_svg(figure: Figure) -> str:
     for mark, css in CSS_OF_MARK.items():
         svg = svg.replace(mark, css)
     return svg[svg.index("<svg") :]
+
+
+def standalone(svg: str) -> str:
+    """A figure as a file of its own: dark ink where a page would bring its own."""
+    for css, colour in COLOUR_OF_CSS.items():
+        svg = svg.replace(css, colour)
+    return svg

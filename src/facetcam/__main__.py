@@ -1,0 +1,5 @@
+"""`python -m facetcam`."""
+
+from facetcam.cli import main
+
+main()

@@ -1,0 +1,5 @@
+"""The command line: one thin command a file."""
+
+from facetcam.cli.app import main
+
+__all__ = ["main"]

@@ -1,0 +1,52 @@
+"""`facetcam`: the list of commands."""
+
+from __future__ import annotations
+
+import os
+from typing import Annotated
+
+import typer
+
+from facetcam import __version__
+from facetcam.cli.detect import detect
+from facetcam.cli.evaluate import trajectory
+from facetcam.cli.failures import DEBUG, in_one_line
+from facetcam.cli.slam import slam
+
+app = typer.Typer(
+    name="facetcam",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+evaluate = typer.Typer(help="Compare results with the truth.", no_args_is_help=True)
+
+
+def show_version(wanted: bool) -> None:
+    if wanted:
+        print(f"facetcam {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks of unexpected failures.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version.", callback=show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Room-wide vision from one camera and a few flat mirrors."""
+    DEBUG.set(debug)
+
+
+for command in (slam, detect):
+    app.command()(in_one_line(command))
+evaluate.command()(in_one_line(trajectory))
+app.add_typer(evaluate, name="evaluate")
+
+
+def main() -> None:
+    """Run the command line; exits with 0 done, 1 failed on data, 2 wrong usage, 130 interrupted."""
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # its complaints are said again in our own words
+    app()

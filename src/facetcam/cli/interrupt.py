@@ -1,0 +1,40 @@
+"""Ctrl-C and SIGTERM between two frames instead of amid one."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Stopped(KeyboardInterrupt):
+    """The user asked to stop; raised where the run can keep its results."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__()
+        self.exit_code = 128 + signal_number
+
+
+@contextmanager
+def stoppable() -> Iterator[Callable[[], None]]:
+    """Hold the first signal back until the given function is called; a second one strikes at once."""
+    asked: list[int] = []
+
+    def ask(number: int, _: FrameType | None) -> None:
+        if asked:
+            raise Stopped(number)
+        asked.append(number)
+
+    def stop_if_asked() -> None:
+        if asked:
+            raise Stopped(asked[0])
+
+    before = {number: signal.signal(number, ask) for number in SIGNALS}
+    try:
+        yield stop_if_asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,85 @@
+"""`facetcam slam`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from facetcam.cli.failures import warn
+from facetcam.cli.options import (
+    FpsOption,
+    MaxFramesOption,
+    OutOption,
+    RigOption,
+    SourceArgument,
+    output_folder,
+)
+from facetcam.cli.progress import progress_bar
+from facetcam.cli.tables import print_pairs
+from facetcam.errors import SourceError
+
+if TYPE_CHECKING:
+    from facetcam.pipelines import Summary
+
+
+def slam(
+    source: SourceArgument,
+    rig: RigOption,
+    odometry: Annotated[
+        Path | None, typer.Option(help="Wheel odometry, CSV: timestamp,x,y,yaw (s, m, rad).")
+    ] = None,
+    truth: Annotated[
+        Path | None, typer.Option(help="True trajectory (TUM) to measure the errors against.")
+    ] = None,
+    out: OutOption = None,
+    config: Annotated[Path | None, typer.Option(help="Settings of tracking and mapping, YAML.")] = None,
+    fps: FpsOption = None,
+    max_frames: MaxFramesOption = None,
+) -> None:
+    """Track a film: trajectory, map and report."""
+    from facetcam.pipelines import run_slam
+
+    folder = output_folder(out, Path(source).stem)
+    with progress_bar("tracking") as progress:
+        summary = run_slam(
+            source,
+            rig,
+            folder,
+            odometry=odometry,
+            truth=truth,
+            settings=config,
+            fps=fps,
+            max_frames=max_frames,
+            progress=progress,
+        )
+    for warning in summary.warnings:
+        warn(warning)
+    print_pairs("slam", summary_rows(summary))
+    if summary.tracked == 0:
+        raise SourceError(
+            f"{summary.source}: no frame could be tracked; is it dark or blank, does the camera stand still,"
+            f" is this its rig? See {summary.report}"
+        )
+
+
+def summary_rows(summary: Summary) -> list[tuple[str, str]]:
+    """The run in a few lines."""
+    sigma = f"± {100 * summary.scale_sigma:.2g} %" if summary.scale_sigma is not None else "unknown"
+    rows = [
+        ("frames", f"{summary.frames}"),
+        ("tracked", f"{summary.tracked} ({summary.tracked_percent:g} %)"),
+        ("scale", f"{'METRIC' if summary.metric else 'NOT METRIC'} ({sigma})"),
+        ("path length", f"{summary.path_length:.2f} {'m' if summary.metric else 'units of the map'}"),
+        ("keyframes, map points", f"{summary.keyframes}, {summary.map_points}"),
+        ("speed", f"{summary.frames_per_second:.1f} frames/s, decoding included"),
+        ("peak memory", f"{summary.peak_memory_mb:.0f} MB"),
+    ]
+    if summary.errors is not None:
+        rows += [
+            ("ATE, rigid alignment", f"{summary.errors.ate.rmse:.4f} m"),
+            ("ATE, scale aligned too", f"{summary.errors.ate_scaled.rmse:.4f} m"),
+            ("scale error", f"{100 * summary.errors.scale_error:+.2f} %"),
+        ]
+    return [*rows, ("report", str(summary.report))]

@@ -1,0 +1,76 @@
+"""From a film to a trajectory, a map and a report."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from itertools import islice
+from pathlib import Path
+
+from facetcam.io.outputs import fresh_folder, require_absent
+from facetcam.pipelines.inputs import read_slam_inputs
+from facetcam.pipelines.progress import Progress, reason_of, say_where, silent, total_frames
+from facetcam.pipelines.slam_record import SlamRecord
+from facetcam.pipelines.slam_results import write_results
+from facetcam.pipelines.summary import Summary
+from facetcam.slam import Slam
+
+
+def run_slam(
+    source: Path | str | int,
+    rig_path: Path | str,
+    out: Path | str,
+    *,
+    odometry: Path | str | None = None,
+    truth: Path | str | None = None,
+    settings: Path | str | None = None,
+    fps: float | None = None,
+    max_frames: int | None = None,
+    progress: Progress = silent,
+) -> Summary:
+    """Track a film with a rig and write trajectory, states, map, summary and report into a fresh folder.
+
+    Trajectory and states are written as they come. However the run ends, they stay, and the summary says how.
+
+    Parameters
+    ----------
+    source : path or int
+        Film, folder of images, or number of a live camera.
+    rig_path : path
+        The `rig.yaml` of the film.
+    out : path
+        Folder to make.
+    odometry : path, optional
+        Table `timestamp,x,y,yaw`.
+    truth : path, optional
+        True trajectory (TUM) to compare with.
+    settings : path, optional
+        YAML file of `SlamConfig`.
+    fps : float, optional
+        Frame rate that replaces the source's own times.
+    max_frames : int, optional
+        Stop after so many frames.
+    progress : callable
+        See `facetcam.pipelines.Progress`.
+
+    Raises
+    ------
+    FacetcamError
+        Before `out` is made, if an input is missing, wrong, or does not fit the others; later, if the film
+        turns out damaged or a result cannot be written.
+    """
+    require_absent(out)
+    inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames)
+    slam = Slam(inputs.rig, inputs.config)
+    with inputs.source, SlamRecord(fresh_folder(out), inputs.rig.view_names) as record:
+        try:
+            for frame in islice(inputs.source, max_frames):
+                state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
+                record.add(frame, state)
+                progress(record.frames, total_frames(inputs.source.count, max_frames))
+            slam.finish()
+            return write_results(record, slam, inputs)
+        except BaseException as error:  # also Ctrl-C: what is there is worth keeping
+            with suppress(Exception):  # the first error is the one to tell
+                write_results(record, slam, inputs, interrupted=reason_of(error))
+            say_where(error, record.folder)
+            raise

@@ -1,0 +1,96 @@
+"""What a SLAM run writes while it goes on: the live trajectory and the state of every frame."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from facetcam.geometry import se3
+from facetcam.io.frames import Frame
+from facetcam.io.outputs import LineWriter
+from facetcam.io.trajectories import TumWriter
+from facetcam.pipelines.pictures import EvenSample
+from facetcam.slam import State
+from facetcam.viz.report import Picture
+
+PICTURES = 4
+POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
+TWIST = ("rx", "ry", "rz", "tx", "ty", "tz")
+UPPER = np.triu_indices(6)
+
+
+class SlamRecord:
+    """Everything that a run gathers frame by frame, on disk at once.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder.
+    view_names : tuple of str
+    """
+
+    def __init__(self, folder: Path, view_names: tuple[str, ...]) -> None:
+        self.folder = folder
+        self.view_names = view_names
+        self.states: list[State] = []
+        self.pictures: EvenSample[Picture] = EvenSample(PICTURES)
+        self._started = time.perf_counter()
+        with ExitStack() as files:
+            self._trajectory = files.enter_context(TumWriter(folder / "trajectory.tum"))
+            self._table = files.enter_context(LineWriter(folder / "states.csv"))
+            self._table.write(",".join(state_columns(view_names)))
+            self._files = files.pop_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._files.close()
+
+    @property
+    def frames(self) -> int:
+        """Number of frames added."""
+        return len(self.states)
+
+    @property
+    def seconds(self) -> float:
+        """Time since the start of the run."""
+        return time.perf_counter() - self._started
+
+    def add(self, frame: Frame, state: State) -> None:
+        """Write the live pose and state of a frame, and keep what the report needs."""
+        self.states.append(state)
+        self._table.write(",".join(state_cells(state, self.view_names)))
+        if state.T_world_rig is not None:
+            self._trajectory.append(state.timestamp, state.T_world_rig)
+        caption = f"{state.timestamp:.1f} s, {len(state.pixels)} points measured"
+        self.pictures.offer(lambda: Picture(caption, frame.image, state.pixels, state.pixel_views))
+
+
+def state_columns(view_names: tuple[str, ...]) -> list[str]:
+    """Header of `states.csv`: the covariance is the upper triangle, rotation (rad) before translation (m)."""
+    covariance = [f"cov_{TWIST[i]}_{TWIST[j]}" for i, j in zip(*UPPER)]
+    health = [f"{name}_{kind}" for name in view_names for kind in ("predicted", "inliers")]
+    scale = ["keyframe", "metric", "scale_sigma", "map_points"]
+    return ["timestamp", "status", *POSE, *covariance, *scale, *health]
+
+
+def state_cells(state: State, view_names: tuple[str, ...]) -> list[str]:
+    """One row of `states.csv`; cells without a value are empty."""
+    pose, covariance = [""] * len(POSE), [""] * len(UPPER[0])
+    if (T := state.T_world_rig) is not None:
+        pose = [f"{value:.9f}" for value in (*T[:3, 3], *se3.to_quaternion_xyzw(T))]
+    if state.covariance is not None:
+        covariance = [f"{value:.6e}" for value in state.covariance[UPPER]]
+    sigma = f"{state.scale_sigma:.6g}" if np.isfinite(state.scale_sigma) else ""
+    scale = [str(int(state.keyframe)), str(int(state.metric)), sigma, str(state.map_points)]
+    health = [state.views.get(name) for name in view_names]
+    counts = [str(n) for view in health for n in ((view.predicted, view.inliers) if view else (0, 0))]
+    return [f"{state.timestamp:.9f}", state.status.value, *pose, *covariance, *scale, *counts]

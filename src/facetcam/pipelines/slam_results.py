@@ -1,0 +1,153 @@
+"""What a SLAM run writes at its end: final poses, map, summary and report."""
+
+from __future__ import annotations
+
+import resource
+import sys
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.errors import FacetcamError
+from facetcam.evaluation import trajectory as evaluation
+from facetcam.io.outputs import atomic_write
+from facetcam.io.ply import write_ply
+from facetcam.io.trajectories import write_tum
+from facetcam.pipelines.inputs import SlamInputs
+from facetcam.pipelines.slam_record import SlamRecord
+from facetcam.pipelines.summary import Summary
+from facetcam.slam import Slam, Status
+from facetcam.viz.pages import write_slam_report
+from facetcam.viz.report import SlamReport, Truth
+
+Array = NDArray[np.float64]
+Trajectory = tuple[Array, Array]
+
+ALIGNED_WITHIN = 0.02  # seconds between an estimated and a true pose that are compared
+
+
+def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupted: str = "") -> Summary:
+    """Write the final trajectory in place of the live one, the map, the summary and the report.
+
+    Raises
+    ------
+    OutputError
+        If one of them cannot be written; those before it, and the live states, stay.
+    """
+    seconds = record.seconds
+    path = slam.trajectory()
+    write_tum(record.folder / "trajectory.tum", *path)
+    write_ply(record.folder / "map.ply", *slam.cloud())
+    summary = summarise(record, slam, inputs, path, seconds, interrupted)
+    atomic_write(record.folder / "summary.json", summary.to_json())
+    write_slam_report(make_report(record, slam, inputs, path, summary), summary.report)
+    return summary
+
+
+def summarise(
+    record: SlamRecord, slam: Slam, inputs: SlamInputs, path: Trajectory, seconds: float, interrupted: str
+) -> Summary:
+    """The run in numbers."""
+    warnings = list(inputs.source.warnings)
+    errors = None
+    if inputs.truth is not None:
+        try:
+            errors = evaluation.evaluate(path, inputs.truth, ALIGNED_WITHIN)
+        except FacetcamError as error:
+            warnings.append(f"no comparison with the truth: {error}")
+    return Summary(
+        source=inputs.source.name,
+        rig=str(inputs.rig_path),
+        out=record.folder,
+        frames=record.frames,
+        tracked=count_tracked(record, path[0]),
+        statuses=dict(Counter(state.status.value for state in record.states)),
+        metric=slam.metric,
+        scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
+        keyframes=len(slam.keyframe_poses),
+        map_points=len(slam.cloud()[0]),
+        path_length=evaluation.path_length(path[1][:, :3, 3]),
+        seconds=seconds,
+        frames_per_second=record.frames / seconds,
+        peak_memory_mb=peak_memory_mb(),
+        warnings=tuple(warnings),
+        errors=errors,
+        interrupted=interrupted,
+    )
+
+
+def count_tracked(record: SlamRecord, times: Array) -> int:
+    """Frames whose pose was measured, then or, at the start, later."""
+    placed = set(times.tolist())
+    unmeasured = (Status.LOST, Status.DEAD_RECKONING)
+    return sum(s.timestamp in placed and s.status not in unmeasured for s in record.states)
+
+
+def make_report(
+    record: SlamRecord, slam: Slam, inputs: SlamInputs, path: Trajectory, summary: Summary
+) -> SlamReport:
+    """The run as the report page wants it."""
+    times, poses = path
+    truth = None
+    if inputs.truth is not None and summary.errors is not None:
+        # The page draws errors pose by pose, so it gets only the poses that have a true one.
+        own, true = evaluation.associate(times, inputs.truth[0], ALIGNED_WITHIN)
+        times, poses = times[own], poses[own]
+        truth = aligned_truth(inputs.truth[1][true], poses, summary)
+    health = [[state.views.get(name) for name in record.view_names] for state in record.states]
+    shape = (record.frames, len(record.view_names))
+    return SlamReport(
+        title=f"SLAM: {inputs.source.name}",
+        view_names=record.view_names,
+        times=np.array([state.timestamp for state in record.states]),
+        statuses=[state.status.value for state in record.states],
+        predicted=np.array([[v.predicted if v else 0 for v in row] for row in health], int).reshape(shape),
+        inliers=np.array([[v.inliers if v else 0 for v in row] for row in health], int).reshape(shape),
+        tracked=summary.tracked,
+        metric=summary.metric,
+        scale_sigma=slam.scale_sigma,
+        pose_times=times,
+        positions=poses[:, :3, 3],
+        keyframes=slam.keyframe_poses[:, :3, 3],
+        cloud=slam.cloud()[0],
+        timing=slam.timing,
+        pictures=record.pictures.items(),
+        truth=truth,
+        interrupted=summary.interrupted,
+        facts=facts(summary),
+    )
+
+
+def aligned_truth(truth: Array, estimate: Array, summary: Summary) -> Truth | None:
+    """The true positions laid over the estimated ones: with scale where the estimate has none of its own."""
+    if summary.errors is None:
+        return None
+    positions, target = truth[:, :3, 3], estimate[:, :3, 3]
+    alignment = evaluation.align(positions, target, with_scale=not summary.metric)
+    return Truth(
+        positions=alignment.apply(positions),
+        ate=summary.errors.ate.rmse,
+        ate_scaled=summary.errors.ate_scaled.rmse,
+        with_scale=not summary.metric,
+    )
+
+
+def facts(summary: Summary) -> dict[str, str]:
+    """Further rows of the report's summary."""
+    rows = {
+        "source": summary.source,
+        "rig": summary.rig,
+        "path length": f"{summary.path_length:.2f} {'m' if summary.metric else 'units of the map'}",
+        "speed": f"{summary.frames_per_second:.1f} frames/s, decoding included",
+        "peak memory": f"{summary.peak_memory_mb:.0f} MB",
+    }
+    if summary.errors is not None:
+        rows["scale error"] = f"{100 * summary.errors.scale_error:+.2f} %"
+    return rows | {f"warning {i}": text for i, text in enumerate(summary.warnings, start=1)}
+
+
+def peak_memory_mb() -> float:
+    """Largest resident memory of this process so far."""
+    unit = 1 if sys.platform == "darwin" else 1024  # the same call answers in bytes there
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6

@@ -1,0 +1,69 @@
+"""What a SLAM run amounts to, in numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from facetcam.evaluation.trajectory import TrajectoryErrors
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Numbers of a SLAM run, as written to `summary.json`.
+
+    `tracked` counts frames whose pose was measured, those of the start included, which are solved backwards;
+    `scale_sigma` is relative, None where the scale is unknown; `frames_per_second` includes decoding and the
+    last adjustment; `errors` need a true trajectory.
+    """
+
+    source: str
+    rig: str
+    out: Path
+    frames: int
+    tracked: int
+    statuses: dict[str, int]
+    metric: bool
+    scale_sigma: float | None
+    keyframes: int
+    map_points: int
+    path_length: float
+    seconds: float
+    frames_per_second: float
+    peak_memory_mb: float
+    warnings: tuple[str, ...]
+    errors: TrajectoryErrors | None
+    interrupted: str
+
+    @property
+    def tracked_percent(self) -> float:
+        """Tracked share, rounded down to a tenth so that 100 means every frame."""
+        return math.floor(1000 * self.tracked / max(self.frames, 1)) / 10
+
+    @property
+    def report(self) -> Path:
+        """The page that shows the run."""
+        return self.out / "report.html"
+
+    def to_json(self) -> str:
+        """The summary as a JSON text without NaN or infinity."""
+        return to_json(self)
+
+
+def to_json(record: Any) -> str:
+    """A dataclass as an indented JSON text; numbers that are not finite become null."""
+    return json.dumps(_plain(dataclasses.asdict(record)), indent=2, allow_nan=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value

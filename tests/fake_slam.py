@@ -1,0 +1,75 @@
+"""A stand-in for `Slam` that tracks nothing: for tests of what surrounds it.
+
+Run as a program, it is the `facetcam` command with that stand-in, a frame every 20 ms.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+import facetcam.pipelines.slam
+from facetcam.slam import State, Status, ViewHealth
+
+Array = NDArray[np.float64]
+
+
+class FakeSlam:
+    """Says that the rig moves along x at 1 m/s; the first two frames are only placed at the end."""
+
+    SECONDS_A_FRAME = 0.0
+    metric = False
+    scale_sigma = np.inf
+
+    def __init__(self, rig: object, config: object) -> None:
+        self.seen: list[float] = []
+        self.odometry: list[tuple[float, float, float] | None] = []
+        self.timing = {"track": [0.01]}
+
+    def pose(self, time_: float) -> Array:
+        T = np.eye(4)
+        T[0, 3] = time_
+        return T
+
+    def track(
+        self, image: NDArray[np.generic], timestamp: float, odometry: tuple[float, float, float] | None
+    ) -> State:
+        time.sleep(self.SECONDS_A_FRAME)
+        self.seen.append(timestamp)
+        self.odometry.append(odometry)
+        if len(self.seen) <= 2:
+            return State(timestamp, Status.STARTING)
+        pixels, views = np.array([[3.0, 4.0]], np.float32), np.zeros(1, np.int8)
+        return State(
+            timestamp,
+            Status.TRACKING,
+            self.pose(timestamp),
+            np.eye(6) * 1e-4,
+            {"front": ViewHealth(5, 1)},
+            map_points=2,
+            pixels=pixels,
+            pixel_views=views,
+        )
+
+    def finish(self) -> None:
+        """Nothing is left to adjust."""
+
+    def trajectory(self) -> tuple[Array, Array]:
+        return np.array(self.seen), np.array([self.pose(t) for t in self.seen]).reshape(-1, 4, 4)
+
+    def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
+        return np.zeros((2, 3)), np.full((2, 3), 255, np.uint8)
+
+    @property
+    def keyframe_poses(self) -> Array:
+        return np.eye(4)[None]
+
+
+if __name__ == "__main__":
+    from facetcam.cli import main
+
+    FakeSlam.SECONDS_A_FRAME = 0.02
+    facetcam.pipelines.slam.Slam = FakeSlam
+    main()
