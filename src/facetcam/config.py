@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping
@@ -31,14 +32,46 @@ def load_config(cls: type[T], path: Path | str | None) -> T:
     """
     if path is None:
         return cls()
+    values = read_yaml(Path(path))
+    return from_mapping(cls, {} if values is None else values, str(path))
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Safe YAML that refuses a key given twice, and knows 1e-3 for a number as YAML 1.2 does."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        values = super().construct_mapping(node, deep)
+        # A key of merged content (<<) may be overridden; only keys written side by side are a mistake.
+        if len(values) < len(node.value):
+            keys = [key.value for key, _ in node.value]
+            twice = next((key for key in keys if keys.count(key) > 1), None)
+            if twice is not None:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {twice!r} given twice", node.start_mark
+                )
+        return values
+
+
+_StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def read_yaml(path: Path) -> object:
+    """Read one YAML document.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not YAML, or gives a key twice.
+    """
     try:
-        values = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        return yaml.load(path.read_text(encoding="utf-8"), _StrictLoader)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise ConfigError(f"{path}: cannot read the settings ({reason})") from error
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: not a YAML file ({_one_line(error)})") from error
-    return from_mapping(cls, {} if values is None else values, str(path))
+        raise ConfigError(f"{path}: cannot be read ({reason})") from error
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ConfigError(f"{path}: not a usable YAML file ({_one_line(error)})") from error
 
 
 def from_mapping(cls: type[T], values: object, where: str) -> T:

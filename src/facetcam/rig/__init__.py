@@ -2,6 +2,8 @@
 
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Mirror
-from facetcam.rig.rig import NO_VIEW, Rig, View
+from facetcam.rig.rig import Rig
+from facetcam.rig.view import View
+from facetcam.rig.visibility import NO_VIEW
 
 __all__ = ["NO_VIEW", "Camera", "Mirror", "Rig", "View"]

@@ -19,6 +19,9 @@ BROWN_CONRADY = "brown-conrady"
 KANNALA_BRANDT = "kannala-brandt"
 COEFFICIENTS = {BROWN_CONRADY: 5, KANNALA_BRANDT: 4}
 
+_SMALLEST = 8  # pixels a side; below, nothing can be measured
+_LARGEST = 16384  # pixels a side; above, 32-bit image maps lose their sub-pixel digits
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -38,7 +41,7 @@ class Camera:
     Raises
     ------
     RigError
-        If the model is unknown, a number is not finite, or sizes are not positive.
+        If the model is unknown, a number is not finite, or the size or a focal length is out of range.
     """
 
     model: str
@@ -58,8 +61,9 @@ class Camera:
             raise RigError(
                 f"camera: {self.model} takes {wanted} distortion numbers, got {len(self.distortion)}"
             )
-        if self.width < 1 or self.height < 1:
-            raise RigError(f"camera: the size {self.width}x{self.height} must be positive")
+        if min(self.width, self.height) < _SMALLEST or max(self.width, self.height) > _LARGEST:
+            limits = f"{_SMALLEST} to {_LARGEST} pixels a side"
+            raise RigError(f"camera: the size {self.width}x{self.height} must be {limits}")
         if not all(map(math.isfinite, (self.fx, self.fy, self.cx, self.cy, *self.distortion))):
             raise RigError("camera: fx, fy, cx, cy and distortion must be finite numbers")
         if self.fx <= 0 or self.fy <= 0:

@@ -15,35 +15,10 @@ from facetcam.errors import FacetcamError, RigError
 from facetcam.geometry import reflection, se3
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Mirror
-from facetcam.rig.tracing import Paths, Tracer
+from facetcam.rig.view import View, check_views
+from facetcam.rig.visibility import Visibility
 
 Array = NDArray[np.float64]
-
-NO_VIEW = -1
-
-_BAND = 128  # rows traced at once, so that memory stays small
-
-
-def inside_polygon(polygon: Array, points: Array) -> NDArray[np.bool_]:
-    """Tell which points (N, 2) lie inside a simple polygon (M, 2), by counting crossings to the right."""
-    inside = np.zeros(len(points), dtype=bool)
-    x, y = points.T
-    for (x0, y0), (x1, y1) in zip(polygon, np.roll(polygon, -1, axis=0)):
-        spans = (y0 <= y) != (y1 <= y)
-        if y0 != y1:
-            inside ^= spans & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
-    return inside
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """One chain of mirrors, in the order in which a camera ray meets them; empty for the direct view.
-
-    `region` (N, 2), optional, bounds the view on the sensor in pixels.
-    """
-
-    mirrors: tuple[str, ...] = ()
-    region: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,24 +45,24 @@ class Rig:
     views: Mapping[str, View] = field(default_factory=lambda: {"front": View()})
 
     def __post_init__(self) -> None:
-        try:
-            se3.assert_proper_rotation(np.asarray(self.T_rig_cam)[:3, :3], "T_rig_cam")
-        except FacetcamError as error:
-            raise RigError(f"camera: {error}") from None
-        if not self.views:
-            raise RigError("views: a rig needs at least one view")
-        for name, view in self.views.items():
-            for mirror in view.mirrors:
-                if mirror not in self.mirrors:
-                    known = ", ".join(self.mirrors) or "none"
-                    raise RigError(f"view '{name}': no mirror '{mirror}' in the rig (known: {known})")
+        check_pose(self.T_rig_cam)
+        check_views(self.mirrors, self.views)
 
     @classmethod
     def load(cls, path: str | Path) -> Rig:
-        """Read a `rig.yaml`; see `facetcam.rig.files`."""
-        from facetcam.rig.files import read_rig
+        """Read and check a `rig.yaml`, or make a preset: `preset:ryu`, `preset:pyramid`, `preset:table`.
 
-        return read_rig(Path(path))
+        Raises
+        ------
+        RigError
+            If the file cannot be used; one line that says where and why.
+        """
+        from facetcam.rig import files, presets
+
+        name = str(path)
+        if name.startswith(presets.PREFIX):
+            return presets.by_name(name.removeprefix(presets.PREFIX))
+        return files.read_rig(Path(path))
 
     def save(self, path: str | Path) -> None:
         """Write a `rig.yaml`; an existing file is not replaced."""
@@ -106,14 +81,15 @@ class Rig:
         return tuple(self.views)
 
     @cached_property
-    def _tracer(self) -> Tracer:
-        return Tracer(list(self.mirrors.values()), self.T_rig_cam)
+    def _visibility(self) -> Visibility:
+        return Visibility(self.camera, self.T_rig_cam, self.mirrors, self.views)
 
     @cached_property
-    def _chains(self) -> dict[str, list[int]]:
-        """Mirror indices of each view's chain."""
-        order = list(self.mirrors)
-        return {name: [order.index(mirror) for mirror in view.mirrors] for name, view in self.views.items()}
+    def digest(self) -> str:
+        """SHA-256 of all that the rig's file says; tells whether results came from the same rig."""
+        from facetcam.rig import files
+
+        return files.digest(self)
 
     def T_rig_image(self, view: str) -> Array:
         """Pose of the virtual camera of the raw image: S_k ... S_1 T_rig_cam, of determinant (-1)^k."""
@@ -144,14 +120,10 @@ class Rig:
             True where light from the point reaches the sensor through this chain of mirrors, unobstructed
             by any mirror.
         """
-        in_camera = se3.transform(se3.inverse(self.T_rig_image(view)), np.reshape(points, (-1, 3)))
-        pixels, valid = self.camera.project(in_camera)
-        distance = np.linalg.norm(in_camera, axis=1)
-        chain = self._chains[view]
-        paths = self._tracer.trace(in_camera / np.maximum(distance, 1e-12)[:, None], len(chain) + 1)
-        beyond_chain = distance > paths.length[len(chain) - 1] if chain else True
-        clear = paths.met(chain) & beyond_chain & (distance < paths.length[len(chain)])
-        return pixels, valid & clear & self._in_region(view, pixels)
+        points_cam = se3.transform(se3.inverse(self.T_rig_image(view)), np.reshape(points, (-1, 3)))
+        pixels, valid = self.camera.project(points_cam)
+        visible = valid & self._visibility.reaches(view, points_cam) & self.views[view].covers(pixels)
+        return pixels, visible
 
     def ray(self, view: str, pixels: ArrayLike) -> tuple[Array, Array]:
         """Rays of raw pixels (N, 2) seen through one view.
@@ -173,49 +145,36 @@ class Rig:
         A bounded mirror behind the chain hides the room; an unbounded one stands for a wall of unknown
         extent, before which objects are seen.
         """
-        pixels = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
-        paths = self._tracer.trace(self.camera.ray(pixels), len(self._chains[view]) + 1)
-        return self._seen_on(view, paths, pixels)
+        return self._visibility.sees(view, np.asarray(pixels, dtype=np.float64).reshape(-1, 2))
 
     def labels(self) -> NDArray[np.int8]:
         """Index of the view of every raw pixel, (height, width); NO_VIEW where no view sees the room.
 
         Where several chains share a pixel (unbounded mirrors without regions) the longest one wins.
         """
-        return self._labels.copy()
+        return self._visibility.label_map.copy()
 
     def mask(self, margin: float = 0.0) -> NDArray[np.uint8]:
         """Valid raw pixels as 255, (height, width): more than `margin` pixels from seams and the border."""
-        inside = np.zeros(self._labels.shape, dtype=np.uint8)
+        inside = np.zeros(self._visibility.label_map.shape, dtype=np.uint8)
         for index in range(len(self.views)):
             # The padding makes the frame's edge count as a seam.
-            area = np.pad((self._labels == index).astype(np.uint8), 1)
+            area = np.pad((self._visibility.label_map == index).astype(np.uint8), 1)
             distance = cv2.distanceTransform(area, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
             inside[distance > margin] = 255
         return inside
 
-    @cached_property
-    def _labels(self) -> NDArray[np.int8]:
-        width, height = self.size
-        by_length = sorted(self.views, key=lambda name: len(self._chains[name]))
-        bounces = len(self._chains[by_length[-1]]) + 1
-        labels = np.full((height, width), NO_VIEW, dtype=np.int8)
-        for top in range(0, height, _BAND):
-            band = labels[top : top + _BAND]
-            v, u = np.indices(band.shape, dtype=np.float64)
-            pixels = np.stack([u.ravel(), v.ravel() + top], axis=1)
-            paths = self._tracer.trace(self.camera.ray(pixels), bounces)
-            for name in by_length:
-                band[self._seen_on(name, paths, pixels).reshape(band.shape)] = self.view_names.index(name)
-        return labels
+    def check(self) -> None:
+        """Raise RigError, with the reason, if a view has no pixel on the raw frame that sees the room."""
+        self._visibility.check()
 
-    def _seen_on(self, view: str, paths: Paths, pixels: Array) -> NDArray[np.bool_]:
-        chain = self._chains[view]
-        # Negative indices reach the last two entries: NOWHERE, then LEAVES.
-        passable = np.array([m.polygon is None for m in self.mirrors.values()] + [False, True])
-        seen: NDArray[np.bool_] = paths.met(chain) & passable[paths.mirror[len(chain)]]
-        return seen & self._in_region(view, pixels)
 
-    def _in_region(self, view: str, pixels: Array) -> NDArray[np.bool_]:
-        region = self.views[view].region
-        return np.ones(len(pixels), dtype=bool) if region is None else inside_polygon(region, pixels)
+def check_pose(T_rig_cam: Array) -> None:
+    """Raise RigError unless T_rig_cam is a proper rigid motion."""
+    T = np.asarray(T_rig_cam)
+    if T.shape != (4, 4) or not np.all(np.isfinite(T)) or not np.allclose(T[3], (0.0, 0.0, 0.0, 1.0)):
+        raise RigError("camera: T_rig_cam takes 4x4 finite numbers with the last row [0, 0, 0, 1]")
+    try:
+        se3.assert_proper_rotation(T[:3, :3], "T_rig_cam")
+    except FacetcamError as error:
+        raise RigError(f"camera: {error}") from error
