@@ -19,7 +19,6 @@ using Mask = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::device::cpu>;
 using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Points = nb::ndarray<const float, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Levels = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using Table = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 using KeypointRows = nb::ndarray<nb::numpy, float, nb::shape<-1, 6>>;
@@ -44,21 +43,18 @@ MaskView view_of(const std::optional<Mask>& mask) {
     return {mask->data(), mask->stride(0), mask->stride(1)};
 }
 
-KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const Table& table,
-                    const Levels& levels, float alpha, float compression, float floor, int suppression,
-                    float cross_scale, int max_features, int cell, int border, bool oriented, int threads,
-                    int isa) {
-    DetectorOptions options{{},
-                            {alpha, compression, floor, suppression},
-                            cross_scale,
-                            max_features,
-                            cell,
-                            border,
-                            oriented,
-                            threads,
-                            isa < 0 ? best_isa() : static_cast<Isa>(isa)};
-    for (std::size_t i = 0; i < levels.shape(0); ++i)
-        options.levels.push_back({static_cast<int>(levels(i, 0)), levels(i, 1), levels(i, 2)});
+KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const Table& table, int scales,
+                    float sigma, float window, float alpha, float compression, float coarse_weight,
+                    float threshold, int suppression, int border, int max_features, int cell, bool oriented,
+                    int threads, int isa) {
+    const DetectorOptions options{scales,
+                                  {sigma, window, alpha, compression, coarse_weight},
+                                  {threshold, suppression, border},
+                                  max_features,
+                                  cell,
+                                  oriented,
+                                  threads,
+                                  isa < 0 ? best_isa() : static_cast<Isa>(isa)};
     const std::vector<float> transfer(table.data(), table.data() + table.size());
     std::vector<Keypoint> found;
     {
@@ -113,9 +109,10 @@ IndicesOut windowed(const Bytes& query, const Points& query_xy, const Indices& q
 void bind_features(nb::module_& m) {
     using namespace nb::literals;
     m.def("detect_corners", &detect, "image"_a.noconvert(), "mask"_a.noconvert().none(),
-          "table"_a.noconvert(), "levels"_a.noconvert(), "alpha"_a, "compression"_a, "floor"_a,
-          "suppression"_a, "cross_scale"_a, "max_features"_a, "cell"_a, "border"_a, "oriented"_a, "threads"_a,
-          "isa"_a = -1, "Robust corners as rows (x, y, size, angle, response, level), strongest first.");
+          "table"_a.noconvert(), "scales"_a, "sigma"_a, "window"_a, "alpha"_a, "compression"_a,
+          "coarse_weight"_a, "threshold"_a, "suppression"_a, "border"_a, "max_features"_a, "cell"_a,
+          "oriented"_a, "threads"_a, "isa"_a = -1,
+          "Robust corners as rows (x, y, size, angle, response, level), strongest first.");
     m.def("transfer_table", &transfer_table, "image"_a.noconvert(), "mask"_a.noconvert().none(), "eta"_a,
           "Light-compensating logarithm for every grey value of an 8 or 16 bit image.");
     m.def(

@@ -5,8 +5,6 @@
 namespace facetcam::FACETCAM_ISA {
 namespace {
 
-extern "C" float sqrtf(float);
-
 template <int R>
 void filter_radius(const float* const* rows, const float* taps, int n, float* __restrict out) {
     const float* row[2 * R + 1];
@@ -41,28 +39,39 @@ void symmetric_filter(const float* const* rows, const float* taps, int radius, i
     }
 }
 
-void gradient_products(const float* above, const float* row, const float* below, float gain,
-                       float compression, int n, float* __restrict xx, float* __restrict xy,
-                       float* __restrict yy) {
+void gradient_products(const float* above, const float* row, const float* below, float gain, int n,
+                       float* __restrict xx, float* __restrict xy, float* __restrict yy) {
     for (int x = 0; x < n; ++x) {
         const float gx = gain * (row[x + 1] - row[x - 1]);
         const float gy = gain * (below[x] - above[x]);
-        const float gxx = gx * gx, gyy = gy * gy;
-        const float weight = 1.0f / (sqrtf(gxx + gyy) + compression);
-        xx[x] = gxx * weight;
-        xy[x] = gx * gy * weight;
-        yy[x] = gyy * weight;
+        xx[x] = gx * gx;
+        xy[x] = gx * gy;
+        yy[x] = gy * gy;
     }
 }
 
-void harris(const float* xx, const float* xy, const float* yy, float alpha, int n, float* __restrict out) {
+void compress(float compression, int n, float* __restrict xx, float* __restrict xy, float* __restrict yy) {
     for (int x = 0; x < n; ++x) {
-        const float trace = xx[x] + yy[x];
-        out[x] = xx[x] * yy[x] - xy[x] * xy[x] - alpha * trace * trace;
+        const float weight = 1.0f / (__builtin_sqrtf(xx[x] + yy[x]) + compression);
+        xx[x] *= weight;
+        xy[x] *= weight;
+        yy[x] *= weight;
     }
 }
 
 inline float larger(float a, float b) { return a > b ? a : b; }
+
+void corner_response(const float* xx, const float* xy, const float* yy, float alpha, int n,
+                     float* __restrict out) {
+    for (int x = 0; x < n; ++x) {
+        const float trace = xx[x] + yy[x];
+        out[x] = __builtin_sqrtf(larger(xx[x] * yy[x] - xy[x] * xy[x] - alpha * trace * trace, 0.0f));
+    }
+}
+
+void add_scaled(const float* in, float weight, int n, float* __restrict out) {
+    for (int x = 0; x < n; ++x) out[x] += weight * in[x];
+}
 
 void peaks(const float* above, const float* row, const float* below, float floor, int n,
            std::uint8_t* __restrict flags) {
@@ -74,8 +83,57 @@ void peaks(const float* above, const float* row, const float* below, float floor
     }
 }
 
+void halve_row(const float* in, bool odd, int n, float* __restrict out) {
+    if (odd) {
+        for (int x = 0; x < n; ++x) {
+            const float* p = in + 2 * x;
+            out[x] = 0.4375f * p[0] + 0.25f * (p[-1] + p[1]) + 0.03125f * (p[-2] + p[2]);
+        }
+    } else {
+        for (int x = 0; x < n; ++x) {
+            const float* p = in + 2 * x;
+            out[x] = 0.375f * (p[0] + p[1]) + 0.125f * (p[-1] + p[2]);
+        }
+    }
+}
+
+void halve_column(const float* const* rows, bool odd, int n, float* __restrict out) {
+    const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
+    if (odd) {
+        const float* e = rows[4];
+        for (int x = 0; x < n; ++x)
+            out[x] = 0.4375f * c[x] + 0.25f * (b[x] + d[x]) + 0.03125f * (a[x] + e[x]);
+    } else {
+        for (int x = 0; x < n; ++x) out[x] = 0.375f * (b[x] + c[x]) + 0.125f * (a[x] + d[x]);
+    }
+}
+
+void blend(const float* a, const float* b, float weight, int n, float* __restrict out) {
+    const float rest = 1.0f - weight;
+    for (int x = 0; x < n; ++x) out[x] = weight * a[x] + rest * b[x];
+}
+
+void stretch_row(const float* in, bool odd, int n, float* __restrict out) {
+    if (odd) {
+        for (int x = 0; x + 1 < n; ++x) {
+            out[2 * x] = in[x];
+            out[2 * x + 1] = 0.5f * (in[x] + in[x + 1]);
+        }
+        out[2 * n - 2] = in[n - 1];
+    } else {
+        out[0] = in[0];
+        for (int x = 0; x + 1 < n; ++x) {
+            out[2 * x + 1] = 0.75f * in[x] + 0.25f * in[x + 1];
+            out[2 * x + 2] = 0.25f * in[x] + 0.75f * in[x + 1];
+        }
+        out[2 * n - 1] = in[n - 1];
+    }
+}
+
 }  // namespace
 
-extern const RowKernels kernels = {symmetric_filter, gradient_products, harris, peaks};
+extern const RowKernels kernels = {
+    symmetric_filter, gradient_products, compress, corner_response, add_scaled, peaks,
+    halve_row,        halve_column,      blend,    stretch_row};
 
 }  // namespace facetcam::FACETCAM_ISA

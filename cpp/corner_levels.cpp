@@ -3,132 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "subpixel.hpp"
-
 namespace facetcam {
 namespace {
 
-constexpr int kPad = 12;
-constexpr int kMaxRadius = 8;
+constexpr int kMaxRadius = 8;  // of a Gaussian; the kernels know no larger one
 
-// Rows of one stage in a ring; rows are made in rising order and live as long as the ring is high.
-class Ring {
- public:
-    Ring(int height, int width)
-        : height_(height), stride_(width + 2 * kPad), data_(static_cast<std::size_t>(height) * stride_) {}
-    float* operator[](int y) { return data_.data() + static_cast<std::size_t>(y % height_) * stride_ + kPad; }
-
- private:
-    int height_;
-    std::size_t stride_;
-    std::vector<float> data_;
-};
-
-// Pulls rows through the stages, so that every row of every stage is made once and stays in the cache.
-class Band {
- public:
-    Band(const Octaves& octaves, const LevelSpec& spec, const HarrisOptions& options,
-         const RowKernels& kernels, int first)
-        : octaves_(octaves),
-          options_(options),
-          kernels_(kernels),
-          octave_(spec.octave),
-          width_(octaves.grid(spec.octave).width),
-          height_(octaves.grid(spec.octave).height),
-          blur_(gaussian_taps(spec.blur_sigma)),
-          window_(gaussian_taps(spec.window_sigma)),
-          gain_(0.5f * spec.blur_sigma),
-          source_(2 * kMaxRadius + 2, width_),
-          smooth_(4, width_),
-          xx_(2 * kMaxRadius + 2, width_),
-          xy_(2 * kMaxRadius + 2, width_),
-          yy_(2 * kMaxRadius + 2, width_),
-          response_(2 * options.suppression + 2, width_),
-          column_(3, width_) {
-        next_response_ = std::max(0, first - options.suppression);
-        next_product_ = std::max(0, next_response_ - radius(window_));
-        next_smooth_ = std::max(0, next_product_ - 1);
-        next_source_ = std::max(0, next_smooth_ - radius(blur_));
-    }
-
-    const float* response(int y) {
-        for (; next_response_ <= std::min(y, height_ - 1); ++next_response_) make_response(next_response_);
-        return response_[y];
-    }
-
-    int width() const { return width_; }
-    int height() const { return height_; }
-
- private:
-    static int radius(const std::vector<float>& taps) { return static_cast<int>(taps.size()) - 1; }
-
-    void filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out) {
-        const float* rows[2 * kMaxRadius + 1];
-        const int r = radius(taps);
-        for (int i = -r; i <= r; ++i) rows[i + r] = ring[mirrored(y + i, height_)];
-        kernels_.symmetric_filter(rows, taps.data(), r, width_, out);
-    }
-
-    void filter_columns(float* row, const std::vector<float>& taps, float* out) {
-        const float* rows[2 * kMaxRadius + 1];
-        const int r = radius(taps);
-        mirror_ends(row, width_, r);
-        for (int i = -r; i <= r; ++i) rows[i + r] = row + i;
-        kernels_.symmetric_filter(rows, taps.data(), r, width_, out);
-    }
-
-    void make_smooth(int y) {
-        for (; next_source_ <= std::min(y + radius(blur_), height_ - 1); ++next_source_)
-            octaves_.read_row(octave_, next_source_, 0, source_[next_source_]);
-        filter_rows(source_, y, blur_, column_[0]);
-        filter_columns(column_[0], blur_, smooth_[y]);
-        mirror_ends(smooth_[y], width_, 1);
-    }
-
-    void make_product(int y) {
-        for (; next_smooth_ <= std::min(y + 1, height_ - 1); ++next_smooth_) make_smooth(next_smooth_);
-        kernels_.gradient_products(smooth_[mirrored(y - 1, height_)], smooth_[y],
-                                   smooth_[mirrored(y + 1, height_)], gain_, options_.compression, width_,
-                                   xx_[y], xy_[y], yy_[y]);
-    }
-
-    void make_response(int y) {
-        for (; next_product_ <= std::min(y + radius(window_), height_ - 1); ++next_product_)
-            make_product(next_product_);
-        Ring* products[] = {&xx_, &xy_, &yy_};
-        float* windowed[3];
-        for (int i = 0; i < 3; ++i) {
-            windowed[i] = column_[i];
-            filter_rows(*products[i], y, window_, smooth_row_.data() + kPad);
-            filter_columns(smooth_row_.data() + kPad, window_, windowed[i]);
-        }
-        kernels_.harris(windowed[0], windowed[1], windowed[2], options_.alpha, width_, response_[y]);
-    }
-
-    const Octaves& octaves_;
-    const HarrisOptions& options_;
-    const RowKernels& kernels_;
-    int octave_, width_, height_;
-    std::vector<float> blur_, window_;
-    float gain_;
-    Ring source_, smooth_, xx_, xy_, yy_, response_, column_;
-    std::vector<float> smooth_row_ = std::vector<float>(width_ + 2 * kPad);
-    int next_source_, next_smooth_, next_product_, next_response_;
-};
-
-// The total order breaks ties, so of equal neighbours exactly one wins.
-bool wins_window(const float* const* rows, int x, int radius) {
-    const float own = rows[radius][x];
-    for (int j = 0; j <= 2 * radius; ++j)
-        for (int i = x - radius; i <= x + radius; ++i) {
-            const bool before = j < radius || (j == radius && i < x);
-            if (rows[j][i] > own || (before && rows[j][i] == own)) return false;
-        }
-    return true;
-}
-
-}  // namespace
-
+// Cut at two sigma and normalised; the centre first.
 std::vector<float> gaussian_taps(float sigma) {
     const int radius = std::clamp(static_cast<int>(std::lround(2.0f * sigma)), 1, kMaxRadius);
     std::vector<double> weights(radius + 1);
@@ -138,32 +18,122 @@ std::vector<float> gaussian_taps(float sigma) {
         total += (i ? 2.0 : 1.0) * weights[i];
     }
     std::vector<float> taps;
-    for (double w : weights) taps.push_back(static_cast<float>(w / total));
+    for (double weight : weights) taps.push_back(static_cast<float>(weight / total));
     return taps;
 }
 
-std::vector<Corner> detect_band(const Octaves& octaves, const LevelSpec& spec, int level,
-                                const HarrisOptions& options, const RowKernels& kernels, int first,
-                                int last) {
-    Band band(octaves, spec, options, kernels, first);
-    const int reach = options.suppression, border = std::max(reach, 3);
-    std::vector<Corner> corners;
-    std::vector<std::uint8_t> flags(band.width());
-    const int n = band.width() - 2 * border;
-    for (int y = std::max(first, border); y < std::min(last, band.height() - border); ++y) {
-        const float* rows[2 * kMaxRadius + 1];
-        band.response(y + reach);
-        for (int j = -reach; j <= reach; ++j) rows[j + reach] = band.response(y + j);
-        kernels.peaks(rows[reach - 1] + border, rows[reach] + border, rows[reach + 1] + border, options.floor,
-                      n, flags.data());
-        for (int i = 0; i < n; ++i) {
-            const int x = border + i;
-            if (!flags[i] || !wins_window(rows, x, reach)) continue;
-            const Offset d = subpixel(rows[reach - 1] + x, rows[reach] + x, rows[reach + 1] + x);
-            corners.push_back({x + d.x, y + d.y, rows[reach][x], level});
-        }
+int radius_of(const std::vector<float>& taps) { return static_cast<int>(taps.size()) - 1; }
+
+// The two coarse indices round fine index i and the weight of the first. An even size has its coarse pixels
+// between two fine ones, an odd size on every second (see octaves.hpp).
+struct Neighbours {
+    int first, second;
+    float weight;
+};
+
+Neighbours coarse_neighbours(int i, int fine_size, int coarse_size) {
+    if (fine_size % 2) return {i / 2, (i + 1) / 2, 0.5f};
+    const int near = i / 2, far = i % 2 ? near + 1 : near - 1;
+    return {near, std::clamp(far, 0, coarse_size - 1), 0.75f};
+}
+
+}  // namespace
+
+float upsampled(const Map& coarse, const OctaveGrid& fine, int x, int y) {
+    const Neighbours across = coarse_neighbours(x, fine.width, coarse.width);
+    const Neighbours down = coarse_neighbours(y, fine.height, coarse.height);
+    const auto along = [&](const float* row) {
+        return across.weight * row[across.first] + (1.0f - across.weight) * row[across.second];
+    };
+    return down.weight * along(coarse.row(down.first)) +
+           (1.0f - down.weight) * along(coarse.row(down.second));
+}
+
+ResponseRows::Ring::Ring(int height, int width)
+    : height_(height),
+      pad_(kMaxRadius),
+      stride_(width + 2 * kMaxRadius),
+      data_(static_cast<std::size_t>(height) * stride_) {}
+
+ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse,
+                           const ResponseOptions& options, const RowKernels& kernels, int first, int kept)
+    : octaves_(octaves),
+      coarse_(coarse),
+      options_(options),
+      kernels_(kernels),
+      octave_(octave),
+      width_(octaves.grid(octave).width),
+      height_(octaves.grid(octave).height),
+      blur_(gaussian_taps(options.blur_sigma)),
+      window_(gaussian_taps(options.window_sigma)),
+      source_(2 * radius_of(blur_) + 1, width_),
+      smooth_(3, width_),
+      xx_(2 * radius_of(window_) + 1, width_),
+      xy_(2 * radius_of(window_) + 1, width_),
+      yy_(2 * radius_of(window_) + 1, width_),
+      response_(kept + 1, width_),
+      windowed_(3, width_),
+      column_(1, width_) {
+    next_response_ = std::max(0, first);
+    next_product_ = std::max(0, next_response_ - radius_of(window_));
+    next_smooth_ = std::max(0, next_product_ - 1);
+    next_source_ = std::max(0, next_smooth_ - radius_of(blur_));
+}
+
+const float* ResponseRows::operator[](int y) {
+    for (; next_response_ <= y; ++next_response_) make_response(next_response_);
+    return response_[y];
+}
+
+void ResponseRows::filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out) {
+    const float* rows[2 * kMaxRadius + 1];
+    const int radius = radius_of(taps);
+    for (int i = -radius; i <= radius; ++i) rows[i + radius] = ring[mirrored(y + i, height_)];
+    kernels_.symmetric_filter(rows, taps.data(), radius, width_, out);
+}
+
+void ResponseRows::filter_columns(float* row, const std::vector<float>& taps, float* out) {
+    const float* rows[2 * kMaxRadius + 1];
+    const int radius = radius_of(taps);
+    mirror_ends(row, width_, radius);
+    for (int i = -radius; i <= radius; ++i) rows[i + radius] = row + i;
+    kernels_.symmetric_filter(rows, taps.data(), radius, width_, out);
+}
+
+void ResponseRows::make_smooth(int y) {
+    for (; next_source_ <= std::min(y + radius_of(blur_), height_ - 1); ++next_source_)
+        octaves_.read_row(octave_, next_source_, 0, source_[next_source_]);
+    filter_rows(source_, y, blur_, column_[0]);
+    filter_columns(column_[0], blur_, smooth_[y]);
+    mirror_ends(smooth_[y], width_, 1);
+}
+
+void ResponseRows::make_product(int y) {
+    for (; next_smooth_ <= std::min(y + 1, height_ - 1); ++next_smooth_) make_smooth(next_smooth_);
+    const float gain = 0.5f * options_.blur_sigma;
+    kernels_.gradient_products(smooth_[mirrored(y - 1, height_)], smooth_[y],
+                               smooth_[mirrored(y + 1, height_)], gain, width_, xx_[y], xy_[y], yy_[y]);
+    if (options_.compression > 0.0f) kernels_.compress(options_.compression, width_, xx_[y], xy_[y], yy_[y]);
+}
+
+void ResponseRows::make_response(int y) {
+    for (; next_product_ <= std::min(y + radius_of(window_), height_ - 1); ++next_product_)
+        make_product(next_product_);
+    Ring* products[] = {&xx_, &xy_, &yy_};
+    for (int i = 0; i < 3; ++i) {
+        filter_rows(*products[i], y, window_, column_[0]);
+        filter_columns(column_[0], window_, windowed_[i]);
     }
-    return corners;
+    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], options_.alpha, width_, response_[y]);
+    if (coarse_) add_coarse(y);
+}
+
+void ResponseRows::add_coarse(int y) {
+    const Neighbours rows = coarse_neighbours(y, height_, coarse_->height);
+    kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight, coarse_->width,
+                   column_[0]);
+    kernels_.stretch_row(column_[0], width_ % 2, coarse_->width, windowed_[0]);
+    kernels_.add_scaled(windowed_[0], options_.coarse_weight, width_, response_[y]);
 }
 
 }  // namespace facetcam

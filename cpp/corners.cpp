@@ -4,94 +4,123 @@
 #include <cmath>
 
 #include "parallel.hpp"
-#include "selection.hpp"
 
 namespace facetcam {
 namespace {
 
-constexpr int kBandRows = 64;
-constexpr int kDiscRadius = 7;          // of the orientation, pixels of the octave
-constexpr float kSizePerWindow = 6.0f;  // diameter: three sigma of the window on either side
+constexpr int kLeastBandRows = 64;
+constexpr float kSizePerWindow = 8.0f;  // diameter: four sigma of the window on either side
 constexpr float kDegreesPerRadian = 57.29577951f;
 
-struct BandTask {
-    int level, first, last;
-};
-
-std::vector<BandTask> band_tasks(const Octaves& octaves, const std::vector<LevelSpec>& levels) {
-    std::vector<BandTask> tasks;
-    for (int level = 0; level < static_cast<int>(levels.size()); ++level) {
-        if (levels[level].octave >= octaves.count()) continue;
-        const int height = octaves.grid(levels[level].octave).height;
-        for (int y = 0; y < height; y += kBandRows)
-            tasks.push_back({level, y, std::min(height, y + kBandRows)});
-    }
-    return tasks;
+// Rows of one task: every band computes some rows of its neighbours again, so few bands, but enough to share.
+int band_rows(int height, int threads) {
+    const int share = threads > 1 ? height / (4 * threads) : height;
+    return std::max(kLeastBandRows, share);
 }
 
-void to_source(const OctaveGrid& grid, std::vector<Corner>& corners) {
-    for (Corner& c : corners) {
-        c.x = grid.origin_x + grid.step * c.x;
-        c.y = grid.origin_y + grid.step * c.y;
-    }
+// Calls task(band, first row, last row) for bands of rows that together cover the height.
+template <class Task>
+void for_bands(int height, int threads, const Task& task) {
+    const int rows = band_rows(height, threads);
+    parallel_for((height + rows - 1) / rows, threads,
+                 [&](int band) { task(band, band * rows, std::min(height, (band + 1) * rows)); });
 }
 
-std::vector<Corner> all_corners(const Octaves& octaves, const DetectorOptions& options) {
-    const auto tasks = band_tasks(octaves, options.levels);
-    std::vector<std::vector<Corner>> found(tasks.size());
-    const RowKernels& kernels = row_kernels(options.isa);
-    parallel_for(static_cast<int>(tasks.size()), options.threads, [&](int i) {
-        const LevelSpec& spec = options.levels[tasks[i].level];
-        found[i] = detect_band(octaves, spec, tasks[i].level, options.harris, kernels, tasks[i].first,
-                               tasks[i].last);
-        to_source(octaves.grid(spec.octave), found[i]);
+// Summed responses of the octaves above 0; maps[octave], the coarsest first made.
+std::vector<Map> coarse_maps(const Octaves& octaves, const DetectorOptions& options,
+                             const RowKernels& kernels) {
+    std::vector<Map> maps(octaves.count());
+    for (int octave = octaves.count() - 1; octave > 0; --octave) {
+        Map& map = maps[octave];
+        map.width = octaves.grid(octave).width;
+        map.height = octaves.grid(octave).height;
+        map.values.resize(static_cast<std::size_t>(map.width) * map.height);
+        const Map* coarse = octave + 1 < octaves.count() ? &maps[octave + 1] : nullptr;
+        for_bands(map.height, options.threads, [&](int, int first, int last) {
+            ResponseRows rows(octaves, octave, coarse, options.response, kernels, first, 0);
+            for (int y = first; y < last; ++y) std::copy_n(rows[y], map.width, map.row(y));
+        });
+    }
+    return maps;
+}
+
+std::vector<Corner> all_corners(const Octaves& octaves, const std::vector<Map>& maps,
+                                const DetectorOptions& options, const RowKernels& kernels) {
+    const int width = octaves.grid(0).width, height = octaves.grid(0).height, reach = options.peaks.radius;
+    std::vector<std::vector<Corner>> found(height / kLeastBandRows + 1);
+    for_bands(height, options.threads, [&](int band, int first, int last) {
+        ResponseRows rows(octaves, 0, maps.size() > 1 ? &maps[1] : nullptr, options.response, kernels,
+                          first - reach, 2 * reach);
+        found[band] = find_peaks(rows, width, height, options.peaks, kernels, first, last);
     });
     std::vector<Corner> corners;
     for (const auto& part : found) corners.insert(corners.end(), part.begin(), part.end());
     return corners;
 }
 
-void keep_allowed(std::vector<Corner>& corners, const ImageView& image, const MaskView& mask, int border) {
-    const auto outside = [&](const Corner& c) {
-        if (c.x < border || c.y < border || c.x > image.width - 1 - border || c.y > image.height - 1 - border)
-            return true;
+void drop_masked(std::vector<Corner>& corners, const MaskView& mask) {
+    const auto masked = [&](const Corner& c) {
         return !mask.at(static_cast<int>(std::lround(c.x)), static_cast<int>(std::lround(c.y)));
     };
-    corners.erase(std::remove_if(corners.begin(), corners.end(), outside), corners.end());
+    corners.erase(std::remove_if(corners.begin(), corners.end(), masked), corners.end());
 }
 
-std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& options, int width,
-                           int height) {
-    std::sort(corners.begin(), corners.end(), stronger);
+std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& options, int width) {
     const std::size_t wanted = options.max_features;
-    if (options.cross_scale > 0.0f)
-        corners =
-            suppress_across_levels(corners, options.cross_scale, width, height, options.cell ? 0 : wanted);
-    if (options.cell) corners = spread_evenly(corners, options.cell, width, wanted);
-    if (wanted && corners.size() > wanted) corners.resize(wanted);
-    return corners;
+    if (wanted && !options.cell && wanted < corners.size()) {
+        std::nth_element(corners.begin(), corners.begin() + wanted, corners.end(), stronger);
+        corners.resize(wanted);
+    }
+    std::sort(corners.begin(), corners.end(), stronger);
+    return options.cell ? spread_evenly(corners, options.cell, width, wanted) : corners;
+}
+
+// The octave whose own response is greatest at the corner.
+int best_octave(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
+                float coarse_weight) {
+    int best = 0;
+    float sum = corner.response, best_own = -1.0f;
+    for (int octave = 0; octave < octaves.count(); ++octave) {
+        float coarse = 0.0f;
+        if (octave + 1 < octaves.count()) {
+            const OctaveGrid& grid = octaves.grid(octave);
+            const auto nearest = [&](float place, float origin, int size) {
+                return std::clamp(static_cast<int>(std::lround((place - origin) / grid.step)), 0, size - 1);
+            };
+            coarse = upsampled(maps[octave + 1], grid, nearest(corner.x, grid.origin_x, grid.width),
+                               nearest(corner.y, grid.origin_y, grid.height));
+        }
+        const float own = sum - coarse_weight * coarse;
+        if (own > best_own) {
+            best_own = own;
+            best = octave;
+        }
+        sum = coarse;
+    }
+    return best;
 }
 
 }  // namespace
 
 std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mask,
                                      const std::vector<float>& table, const DetectorOptions& options) {
-    int count = 0;
-    for (const LevelSpec& spec : options.levels) count = std::max(count, spec.octave + 1);
-    const Octaves octaves(image, table, count, options.threads);
-    std::vector<Corner> corners = all_corners(octaves, options);
-    keep_allowed(corners, image, mask, options.border);
-    corners = choose(std::move(corners), options, image.width, image.height);
+    const RowKernels& kernels = row_kernels(options.isa);
+    const Octaves octaves(image, table, options.scales, kernels, options.threads);
+    if (octaves.count() == 0) return {};
+    const std::vector<Map> maps = coarse_maps(octaves, options, kernels);
+    std::vector<Corner> corners = all_corners(octaves, maps, options, kernels);
+    drop_masked(corners, mask);
+    corners = choose(std::move(corners), options, image.width);
     std::vector<Keypoint> keypoints;
     for (const Corner& c : corners) {
-        const LevelSpec& spec = options.levels[c.level];
-        const OctaveGrid& grid = octaves.grid(spec.octave);
+        const int octave = best_octave(octaves, maps, c, options.response.coarse_weight);
+        const OctaveGrid& grid = octaves.grid(octave);
+        const float size = kSizePerWindow * options.response.window_sigma * grid.step;
         const float angle = options.oriented
-                                ? octaves.centroid_angle(spec.octave, (c.x - grid.origin_x) / grid.step,
-                                                         (c.y - grid.origin_y) / grid.step, kDiscRadius)
+                                ? octaves.centroid_angle(octave, (c.x - grid.origin_x) / grid.step,
+                                                         (c.y - grid.origin_y) / grid.step)
                                 : 0.0f;
-        keypoints.push_back({c.x, c.y, kSizePerWindow * spec.window_sigma * grid.step,
-                             angle * kDegreesPerRadian, c.response, c.level});
+        keypoints.push_back({c.x, c.y, size, angle * kDegreesPerRadian, c.response, octave});
     }
     return keypoints;
 }

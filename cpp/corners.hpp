@@ -1,20 +1,18 @@
-// The robust corner detector: octaves, scales, suppression across scale, choice of the best, orientation.
+// The robust corner detector: octaves, responses added over scales, choice of the best, size and direction.
 #pragma once
-#include <string>
 #include <vector>
 
-#include "corner_levels.hpp"
 #include "light.hpp"
+#include "selection.hpp"
 
 namespace facetcam {
 
 struct DetectorOptions {
-    std::vector<LevelSpec> levels;
-    HarrisOptions harris;
-    float cross_scale;  // a corner yields to a stronger one of another level nearer than this, source pixels
-    int max_features;   // 0: all
-    int cell;           // side of the cells of an even spread, source pixels; 0: the strongest anywhere
-    int border;         // source pixels
+    int scales;
+    ResponseOptions response;
+    PeakOptions peaks;
+    int max_features;  // 0: all
+    int cell;          // side of the cells of an even spread, pixels; 0: the strongest anywhere
     bool oriented;
     int threads;
     Isa isa;
@@ -25,7 +23,8 @@ struct Keypoint {
     int level;
 };
 
-// Sorted by falling response, then y, then x.
+// Sorted by falling response, then y, then x. The table maps grey values (see light.hpp); float images are
+// taken as they are.
 std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mask,
                                      const std::vector<float>& table, const DetectorOptions& options);
 

@@ -8,18 +8,25 @@ namespace {
 
 constexpr double kMedianValue = 64.0;  // where the median comes to lie before the logarithm
 
+constexpr int kLanes = 4;  // interleaved histograms: runs of equal pixels do not wait for each other
+
 template <class Pixel>
 std::vector<std::uint32_t> histogram(const ImageView& image, const MaskView& mask) {
     const std::size_t bins = std::size_t{1} << (8 * sizeof(Pixel));
-    std::vector<std::uint32_t> counts(2 * bins);  // two interleaved histograms hide the store latency
+    std::vector<std::uint32_t> lanes(kLanes * bins), counts(bins);
+    const bool packed = image.column_stride == static_cast<std::ptrdiff_t>(sizeof(Pixel));
     for (int y = 0; y < image.height; ++y) {
         const char* row = static_cast<const char*>(image.data) + y * image.row_stride;
+        const auto* pixels = reinterpret_cast<const Pixel*>(row);
+        if (packed && !mask.data) {
+            for (int x = 0; x < image.width; ++x) ++lanes[kLanes * pixels[x] + x % kLanes];
+            continue;
+        }
         for (int x = 0; x < image.width; ++x)
             if (mask.at(x, y))
-                ++counts[2 * *reinterpret_cast<const Pixel*>(row + x * image.column_stride) + (x & 1)];
+                ++lanes[kLanes * *reinterpret_cast<const Pixel*>(row + x * image.column_stride)];
     }
-    for (std::size_t i = 0; i < bins; ++i) counts[i] = counts[2 * i] + counts[2 * i + 1];
-    counts.resize(bins);
+    for (std::size_t i = 0; i < bins * kLanes; ++i) counts[i / kLanes] += lanes[i];
     return counts;
 }
 

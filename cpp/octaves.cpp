@@ -9,42 +9,22 @@ namespace facetcam {
 namespace {
 
 constexpr int kSmallestSide = 24;
-constexpr int kBandRows = 32;
+constexpr int kBandRows = 64;
+constexpr int kDiscRadius = 7;
+constexpr int kDiscReach[kDiscRadius + 1] = {7, 7, 7, 6, 6, 5, 4, 2};  // half widths of the rows of the disc
 
 template <class Pixel>
 void transfer(const char* row, std::ptrdiff_t step, int n, const float* table, float* out) {
-    for (int x = 0; x < n; ++x) out[x] = table[*reinterpret_cast<const Pixel*>(row + x * step)];
+    if (step == static_cast<std::ptrdiff_t>(sizeof(Pixel))) {
+        const Pixel* pixels = reinterpret_cast<const Pixel*>(row);
+        for (int x = 0; x < n; ++x) out[x] = table[pixels[x]];
+    } else {
+        for (int x = 0; x < n; ++x) out[x] = table[*reinterpret_cast<const Pixel*>(row + x * step)];
+    }
 }
 
 void copy_floats(const char* row, std::ptrdiff_t step, int n, float* out) {
     for (int x = 0; x < n; ++x) out[x] = *reinterpret_cast<const float*>(row + x * step);
-}
-
-// Both smoothings have a variance of 0.75 pixels^2, so every octave keeps the blur of the one before.
-// Even sizes: [1 3 3 1] / 8 between two pixels; odd sizes: [1 8 14 8 1] / 32 on a pixel.
-void halve_row(const float* in, bool odd, int n, float* out) {
-    if (odd) {
-        for (int x = 0; x < n; ++x) {
-            const float* p = in + 2 * x;
-            out[x] = 0.4375f * p[0] + 0.25f * (p[-1] + p[1]) + 0.03125f * (p[-2] + p[2]);
-        }
-    } else {
-        for (int x = 0; x < n; ++x) {
-            const float* p = in + 2 * x;
-            out[x] = 0.375f * (p[0] + p[1]) + 0.125f * (p[-1] + p[2]);
-        }
-    }
-}
-
-void halve_column(const float* const* rows, bool odd, int n, float* out) {
-    const float *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
-    if (odd) {
-        const float* e = rows[4];
-        for (int x = 0; x < n; ++x)
-            out[x] = 0.4375f * c[x] + 0.25f * (b[x] + d[x]) + 0.03125f * (a[x] + e[x]);
-    } else {
-        for (int x = 0; x < n; ++x) out[x] = 0.375f * (b[x] + c[x]) + 0.125f * (a[x] + d[x]);
-    }
 }
 
 OctaveGrid halved(const OctaveGrid& g) {
@@ -62,8 +42,9 @@ void mirror_ends(float* row, int n, int pad) {
     }
 }
 
-Octaves::Octaves(const ImageView& image, const std::vector<float>& table, int count, int threads)
-    : image_(image), table_(table), planes_(count) {
+Octaves::Octaves(const ImageView& image, const std::vector<float>& table, int count,
+                 const RowKernels& kernels, int threads)
+    : image_(image), table_(table), kernels_(kernels), planes_(count) {
     OctaveGrid grid{image.width, image.height, 0.0f, 0.0f, 1.0f};
     for (int octave = 0; octave < count && std::min(grid.width, grid.height) >= kSmallestSide; ++octave) {
         grids_.push_back(grid);
@@ -72,20 +53,19 @@ Octaves::Octaves(const ImageView& image, const std::vector<float>& table, int co
     }
 }
 
-void Octaves::transfer_row(int y, float* out) const {
-    const char* row = static_cast<const char*>(image_.data) + y * image_.row_stride;
+void Octaves::transfer_pixels(const char* first, int n, float* out) const {
     if (image_.type == PixelType::u8)
-        transfer<std::uint8_t>(row, image_.column_stride, image_.width, table_.data(), out);
+        transfer<std::uint8_t>(first, image_.column_stride, n, table_.data(), out);
     else if (image_.type == PixelType::u16)
-        transfer<std::uint16_t>(row, image_.column_stride, image_.width, table_.data(), out);
+        transfer<std::uint16_t>(first, image_.column_stride, n, table_.data(), out);
     else
-        copy_floats(row, image_.column_stride, image_.width, out);
+        copy_floats(first, image_.column_stride, n, out);
 }
 
 void Octaves::read_row(int octave, int y, int pad, float* out) const {
     const int n = grids_[octave].width;
     if (octave == 0)
-        transfer_row(y, out);
+        transfer_pixels(static_cast<const char*>(image_.data) + y * image_.row_stride, n, out);
     else
         std::copy_n(planes_[octave].data() + static_cast<std::size_t>(y) * n, n, out);
     mirror_ends(out, n, pad);
@@ -98,21 +78,40 @@ float Octaves::value(int octave, int x, int y) const {
     if (octave > 0) return planes_[octave][static_cast<std::size_t>(y) * grid.width + x];
     const char* pixel =
         static_cast<const char*>(image_.data) + y * image_.row_stride + x * image_.column_stride;
-    if (image_.type == PixelType::u8) return table_[*reinterpret_cast<const std::uint8_t*>(pixel)];
-    if (image_.type == PixelType::u16) return table_[*reinterpret_cast<const std::uint16_t*>(pixel)];
-    return *reinterpret_cast<const float*>(pixel);
+    float out;
+    transfer_pixels(pixel, 1, &out);
+    return out;
 }
 
-float Octaves::centroid_angle(int octave, float x, float y, int radius) const {
+void Octaves::read_disc_row(int octave, int x, int y, int reach, float* out) const {
+    const OctaveGrid& grid = grids_[octave];
+    const bool inside = x >= reach && x + reach < grid.width && y >= 0 && y < grid.height;
+    if (inside && octave == 0) {
+        const char* row = static_cast<const char*>(image_.data) + y * image_.row_stride;
+        transfer_pixels(row + (x - reach) * image_.column_stride, 2 * reach + 1, out);
+    } else if (inside) {
+        std::copy_n(planes_[octave].data() + static_cast<std::size_t>(y) * grid.width + x - reach,
+                    2 * reach + 1, out);
+    } else {
+        for (int i = -reach; i <= reach; ++i) out[i + reach] = value(octave, x + i, y);
+    }
+}
+
+float Octaves::centroid_angle(int octave, float x, float y) const {
     const int cx = static_cast<int>(std::lround(x)), cy = static_cast<int>(std::lround(y));
     float mx = 0.0f, my = 0.0f;
-    for (int j = -radius; j <= radius; ++j)
-        for (int i = -radius; i <= radius; ++i) {
-            if (i * i + j * j > radius * (radius + 1)) continue;
-            const float v = value(octave, cx + i, cy + j);
-            mx += i * v;
-            my += j * v;
+    for (int j = -kDiscRadius; j <= kDiscRadius; ++j) {
+        const int reach = kDiscReach[std::abs(j)];
+        float row[2 * kDiscRadius + 1];
+        read_disc_row(octave, cx, cy + j, reach, row);
+        const float* centre = row + reach;
+        float sum = centre[0];
+        for (int i = 1; i <= reach; ++i) {
+            mx += i * (centre[i] - centre[-i]);
+            sum += centre[i] + centre[-i];
         }
+        my += j * sum;
+    }
     const float angle = std::atan2(my, mx);
     return angle < 0.0f ? angle + 2.0f * static_cast<float>(M_PI) : angle;
 }
@@ -135,9 +134,9 @@ void Octaves::build(int octave, int threads) {
             for (; next <= std::min(2 * y - lead + taps - 1, fine.height - 1); ++next)
                 read_row(octave - 1, next, kPad, slot(next));
             for (int i = 0; i < taps; ++i) rows[i] = slot(mirrored(2 * y - lead + i, fine.height)) - kPad;
-            halve_column(rows, odd_height, stride, sum.data());
-            halve_row(sum.data() + kPad, odd_width, coarse.width,
-                      planes_[octave].data() + static_cast<std::size_t>(y) * coarse.width);
+            kernels_.halve_column(rows, odd_height, stride, sum.data());
+            kernels_.halve_row(sum.data() + kPad, odd_width, coarse.width,
+                               planes_[octave].data() + static_cast<std::size_t>(y) * coarse.width);
         }
     });
 }

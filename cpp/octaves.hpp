@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "corner_kernels.hpp"
+
 namespace facetcam {
 
 enum class PixelType { u8, u16, f32 };
@@ -27,22 +29,26 @@ struct OctaveGrid {
 // odd and even sizes alike, so a flipped or turned image has the flipped or turned octaves.
 class Octaves {
  public:
-    Octaves(const ImageView& image, const std::vector<float>& table, int count, int threads);
+    Octaves(const ImageView& image, const std::vector<float>& table, int count, const RowKernels& kernels,
+            int threads);
 
     int count() const { return static_cast<int>(grids_.size()); }
     const OctaveGrid& grid(int octave) const { return grids_[octave]; }
     // Writes the row with `pad` mirrored pixels on both sides; `out` points at pixel 0.
     void read_row(int octave, int y, int pad, float* out) const;
-    // Direction from a point to the centroid of the values in a disc round it, radians in [0, 2 pi).
-    float centroid_angle(int octave, float x, float y, int radius) const;
+    // Direction from a point to the centroid of the values in a disc of radius 7 round it, radians in
+    // [0, 2 pi); the point in pixels of the octave.
+    float centroid_angle(int octave, float x, float y) const;
 
  private:
     void build(int octave, int threads);
-    void transfer_row(int y, float* out) const;
+    void transfer_pixels(const char* first, int n, float* out) const;
+    void read_disc_row(int octave, int x, int y, int reach, float* out) const;
     float value(int octave, int x, int y) const;
 
     ImageView image_;
     const std::vector<float>& table_;
+    const RowKernels& kernels_;
     std::vector<OctaveGrid> grids_;
     std::vector<std::vector<float>> planes_;
 };

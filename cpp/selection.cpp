@@ -1,65 +1,66 @@
 #include "selection.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <cstring>
 #include <numeric>
+
+#include "subpixel.hpp"
 
 namespace facetcam {
 namespace {
 
-// Buckets of kept corners, as wide as the radius: a neighbour lies in one of nine.
-class Buckets {
- public:
-    Buckets(float side, int width, int height)
-        : side_(side),
-          columns_(static_cast<int>(width / side) + 3),
-          heads_(static_cast<std::size_t>(columns_) * (static_cast<int>(height / side) + 3), -1) {}
+constexpr int kMaxRadius = 8;
 
-    bool crowded(const Corner& corner, const std::vector<Corner>& kept) const {
-        for (int j = -1; j <= 1; ++j)
-            for (int i = -1; i <= 1; ++i)
-                for (int k = heads_[index(corner) + j * columns_ + i]; k >= 0; k = next_[k])
-                    if (kept[k].level != corner.level &&
-                        std::hypot(kept[k].x - corner.x, kept[k].y - corner.y) <= side_)
-                        return true;
-        return false;
+// The total order breaks ties, so of equal neighbours exactly one wins.
+bool wins_window(const float* const* rows, int x, int radius) {
+    const float own = rows[radius][x];
+    for (int j = 0; j <= 2 * radius; ++j)
+        for (int i = x - radius; i <= x + radius; ++i) {
+            const bool before = j < radius || (j == radius && i < x);
+            if (rows[j][i] > own || (before && rows[j][i] == own)) return false;
+        }
+    return true;
+}
+
+// Index of the first nonzero byte from `i` on, or beyond the end; most bytes are zero, so eight at a time.
+int next_set(const std::vector<std::uint8_t>& flags, int i) {
+    const int end = static_cast<int>(flags.size() - sizeof(std::uint64_t));
+    for (; i < end; i += sizeof(std::uint64_t)) {
+        std::uint64_t eight;
+        std::memcpy(&eight, flags.data() + i, sizeof eight);
+        if (!eight) continue;
+        while (!flags[i]) ++i;
+        return i;
     }
-
-    void add(const Corner& corner) {
-        int& head = heads_[index(corner)];
-        next_.push_back(head);
-        head = static_cast<int>(next_.size()) - 1;
-    }
-
- private:
-    int index(const Corner& c) const {
-        return (static_cast<int>(c.y / side_) + 1) * columns_ + static_cast<int>(c.x / side_) + 1;
-    }
-
-    float side_;
-    int columns_;
-    std::vector<int> heads_, next_;
-};
+    return end;
+}
 
 }  // namespace
 
 bool stronger(const Corner& a, const Corner& b) {
     if (a.response != b.response) return a.response > b.response;
     if (a.y != b.y) return a.y < b.y;
-    return a.x != b.x ? a.x < b.x : a.level < b.level;
+    return a.x < b.x;
 }
 
-std::vector<Corner> suppress_across_levels(const std::vector<Corner>& corners, float radius, int width,
-                                           int height, std::size_t wanted) {
-    Buckets buckets(radius, width, height);
-    std::vector<Corner> kept;
-    for (const Corner& corner : corners) {
-        if (wanted && kept.size() == wanted) break;
-        if (buckets.crowded(corner, kept)) continue;
-        buckets.add(corner);
-        kept.push_back(corner);
+std::vector<Corner> find_peaks(ResponseRows& rows, int width, int height, const PeakOptions& options,
+                               const RowKernels& kernels, int first, int last) {
+    const int reach = options.radius, border = std::max(options.border, reach), n = width - 2 * border;
+    std::vector<Corner> corners;
+    std::vector<std::uint8_t> flags(width + sizeof(std::uint64_t));
+    for (int y = std::max(first, border); y < std::min(last, height - border); ++y) {
+        const float* near[2 * kMaxRadius + 1];
+        for (int j = -reach; j <= reach; ++j) near[j + reach] = rows[y + j];
+        const float *above = near[reach - 1], *row = near[reach], *below = near[reach + 1];
+        kernels.peaks(above + border, row + border, below + border, options.threshold, n, flags.data());
+        for (int i = next_set(flags, 0); i < n; i = next_set(flags, i + 1)) {
+            const int x = border + i;
+            if (!wins_window(near, x, reach)) continue;
+            const Offset d = subpixel(above + x, row + x, below + x);
+            corners.push_back({x + d.x, y + d.y, row[x]});
+        }
     }
-    return kept;
+    return corners;
 }
 
 std::vector<Corner> spread_evenly(const std::vector<Corner>& corners, int cell, int width,

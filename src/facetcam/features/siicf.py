@@ -40,16 +40,17 @@ class SIICFOptions:
     sigma, window : float
         Gaussians before the gradient (differentiation scale) and over its products (integration scale),
         pixels of the octave.
+    coarse_weight : float
+        Weight of the response of the next coarser scale in the sum over scales.
     compression : float
-        Gradients g become g / sqrt(|g| + compression).
+        Gradients g become g / sqrt(|g| + compression); 0 leaves them.
     alpha : float
         Of Harris' det H - alpha trace^2 H, equation 5.
     threshold : float
-        Least response.
+        Least response. Responses come from gradients of the logarithm, so this is a contrast and does not
+        depend on the light; lower it to get more, weaker corners.
     suppression : int
         Half width of the window in which a corner must be the maximum, pixels of the octave.
-    cross_scale : float
-        A corner yields to a stronger one of another scale nearer than this, pixels.
     border : int
         No corner nearer than this to the edge of the image, pixels.
     oriented : bool
@@ -60,16 +61,16 @@ class SIICFOptions:
 
     mode: Literal["robust", "paper"] = "robust"
     max_features: int | None = 1000
-    scales: int = 4
+    scales: int = 3
     spread: int = 0
-    eta: float = 48.0
-    sigma: float = 1.0
-    window: float = 2.0
+    eta: float = 64.0
+    sigma: float = 1.2
+    window: float = 1.5
+    coarse_weight: float = 0.7
     compression: float = 0.05
-    alpha: float = 0.05
-    threshold: float = 0.0
+    alpha: float = 0.01
+    threshold: float = 0.02
     suppression: int = 2
-    cross_scale: float = 3.0
     border: int = 4
     oriented: bool = True
     threads: int = 0
@@ -83,11 +84,11 @@ class SIICFOptions:
             "eta": (1, 1e6),
             "sigma": (0.3, 4.0),
             "window": (0.5, 4.0),
-            "compression": (1e-9, np.inf),
+            "compression": (0.0, np.inf),
             "alpha": (0.0, 0.24),
             "threshold": (0.0, np.inf),
             "suppression": (1, 8),
-            "cross_scale": (0.0, np.inf),
+            "coarse_weight": (0.0, 10.0),
             "border": (0, np.inf),
             "threads": (0, 1024),
         }
@@ -105,7 +106,6 @@ class SIICF(Detector):
 
     def _detect(self, grey: Image, mask: Mask | None) -> Keypoints:
         options = self.options
-        levels = [(octave, options.sigma, options.window) for octave in range(options.scales)]
         if grey.dtype == np.float32:
             grey, table = _log_of_floats(grey, mask, options.eta), _NO_TABLE
         else:
@@ -114,12 +114,14 @@ class SIICF(Detector):
             grey,
             mask,
             table,
-            np.array(levels, np.float32),
+            scales=options.scales,
+            sigma=options.sigma,
+            window=options.window,
             alpha=options.alpha,
             compression=options.compression,
-            floor=options.threshold,
+            coarse_weight=options.coarse_weight,
+            threshold=options.threshold,
             suppression=options.suppression,
-            cross_scale=options.cross_scale,
             max_features=options.max_features or 0,
             cell=options.spread,
             border=options.border,
