@@ -37,14 +37,21 @@ def test_threads_change_nothing(scene: np.ndarray, threads: int) -> None:
     np.testing.assert_array_equal(found.angle, expected.angle)
 
 
-def test_crossing_of_a_chessboard_is_found_between_pixels() -> None:
-    big = np.full((1600, 1600), 80, np.uint8)
-    big[807:, 813:] = big[:807, :813] = 160
-    big[:, :48] = 20  # some black, as photographs have
-    small = cv2.resize(big, (100, 100), interpolation=cv2.INTER_AREA)
-    found = SIICF.create(scales=1, border=20).detect(small)
-    crossing = np.array([813, 807]) / 16 - 0.5
-    assert np.linalg.norm(found.xy[0] - crossing) < 0.25  # the logarithm moves edges to the dark side
+def test_corners_follow_a_shift_of_a_fraction_of_a_pixel() -> None:
+    rng = np.random.default_rng(5)
+    fine = np.full((960, 1280), 100, np.uint8)
+    for x, y, w, h, grey in rng.integers([0, 0, 80, 80, 20], [1200, 900, 300, 300, 230], (60, 5)).tolist():
+        cv2.rectangle(fine, (x, y), (x + w, y + h), grey, -1)
+    first, second = (
+        cv2.resize(fine[:-8, left : left + 1264], (158, 119), interpolation=cv2.INTER_AREA) for left in (8, 5)
+    )
+    a, b = SIICF.create(border=8).detect(first).xy, SIICF.create(border=8).detect(second).xy
+    moved = a + [3 / 8, 0]
+    nearest = b[np.linalg.norm(moved[:, None] - b, axis=2).argmin(axis=1)]
+    error = np.linalg.norm(moved - nearest, axis=1)
+    assert len(a) > 50
+    assert np.median(error) < 0.08
+    assert (error < 0.5).mean() > 0.9
 
 
 def test_mask_and_limit_are_kept(scene: np.ndarray) -> None:

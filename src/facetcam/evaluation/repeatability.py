@@ -36,7 +36,7 @@ def warp(H: Points, xy: NDArray[np.floating]) -> Points:
 def inside(xy: Points, size: Size, border: float = 0.0) -> NDArray[np.bool_]:
     """Tell which points lie in an image, at least `border` pixels from its edges."""
     limit = np.array(size) - 1 - border
-    return np.all((xy >= border) & (xy <= limit), axis=1)
+    return np.asarray(np.all((xy >= border) & (xy <= limit), axis=1))
 
 
 def one_to_one(
@@ -80,8 +80,8 @@ def superpoint(
     count = len(a) + len(b)
     if min(len(a), len(b)) == 0:
         return Repeatability(0.0, np.nan, count)
-    forth = cKDTree(b).query(warp(H, a))[0]
-    back = cKDTree(a).query(warp(np.linalg.inv(H), b))[0]
+    forth = np.asarray(cKDTree(b).query(warp(H, a))[0])
+    back = np.asarray(cKDTree(a).query(warp(_inverse(H), b))[0])
     near = np.concatenate([forth[forth <= radius], back[back <= radius]])
     return Repeatability(len(near) / count, float(near.mean()) if len(near) else np.nan, count)
 
@@ -104,5 +104,9 @@ def _common(
     """Points of both images that lie in both images, `border` pixels from the edges."""
     a, b = first.xy.astype(np.float64), second.xy.astype(np.float64)
     seen_a = inside(a, sizes[0], border) & inside(warp(H, a), sizes[1], border)
-    seen_b = inside(b, sizes[1], border) & inside(warp(np.linalg.inv(H), b), sizes[0], border)
+    seen_b = inside(b, sizes[1], border) & inside(warp(_inverse(H), b), sizes[0], border)
     return a[seen_a], b[seen_b]
+
+
+def _inverse(H: Points) -> Points:
+    return np.asarray(np.linalg.inv(H), np.float64)
