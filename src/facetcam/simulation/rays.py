@@ -29,11 +29,15 @@ class _View:
         Places in the flattened frame.
     weight : (N, S) float32 array
         Share of the pixel's light that each of S samples brings: zero where it misses the view's mirrors.
+    seam, dark : (N,) bool arrays
+        True where some, or all, samples miss.
     """
 
     T_rig_image: Array
     pixels: NDArray[np.intp]
     weight: Array32
+    seam: NDArray[np.bool_]
+    dark: NDArray[np.bool_]
 
 
 class FrameRays:
@@ -94,14 +98,13 @@ class FrameRays:
         centres = self._rays[view.pixels] @ turn
         hits = renderer.trace(origin, centres)
         light = renderer.shade(hits, centres, self.pixel_angle, lighting)
-        seam = view.weight.min(axis=1) == 0
-        edges = np.flatnonzero(seam | self._outlines(view.pixels, hits["surface"]))
+        edges = np.flatnonzero(view.seam | self._outlines(view.pixels, hits["surface"]))
         directions = self._samples(view.pixels[edges]) @ turn
         weight = view.weight[edges]
         sample_angle = self.pixel_angle / float(np.sqrt(weight.shape[1]))
         samples = renderer.shade(renderer.trace(origin, directions), directions, sample_angle, lighting)
         light[edges] = np.einsum("ps,psc->pc", weight, samples.reshape(*weight.shape, 3))
-        return light, np.where(view.weight.any(axis=1), hits["distance"], np.float32(np.inf))
+        return light, np.where(view.dark, np.float32(np.inf), hits["distance"])
 
     def _samples(self, pixels: NDArray[np.intp]) -> Array32:
         """Unit directions (N * S, 3) of all samples of pixels (N,), camera frame."""
@@ -130,4 +133,5 @@ def _view(rig: Rig, name: str, area: NDArray[np.bool_], offsets: Array) -> _View
     seam = pixels[~inner[pixels]]
     places = np.column_stack([seam % rig.camera.width, seam // rig.camera.width])[:, None] + offsets
     sees[~inner[pixels]] = rig.sees(name, places).reshape(len(seam), len(offsets))
-    return _View(rig.T_rig_image(name), pixels, np.asarray(sees / len(offsets), dtype=np.float32))
+    weight = np.asarray(sees / len(offsets), dtype=np.float32)
+    return _View(rig.T_rig_image(name), pixels, weight, ~sees.all(axis=1), ~sees.any(axis=1))
