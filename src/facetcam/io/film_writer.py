@@ -28,7 +28,9 @@ def write_film(path: Path, frames: Iterable[NDArray[np.uint8]], fps: int) -> Non
         stream = None
         for image in frames:
             if stream is None:
-                stream = container.add_stream("libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"})
+                stream = container.add_stream(
+                    "libx264", rate=fps, options={"crf": QUALITY, "preset": "veryfast"}
+                )
                 stream.height, stream.width = image.shape[:2]
                 stream.pix_fmt = "yuv420p"
                 stream.codec_context.time_base = Fraction(1, fps)

@@ -7,10 +7,10 @@ from itertools import islice
 from pathlib import Path
 
 from facetcam.io.outputs import fresh_folder, require_absent
-from facetcam.pipelines.inputs import read_slam_inputs
+from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
 from facetcam.pipelines.progress import Progress, reason_of, say_where, silent, total_frames
 from facetcam.pipelines.slam_record import SlamRecord
-from facetcam.pipelines.slam_results import write_results
+from facetcam.pipelines.slam_results import SlamResults, write_results
 from facetcam.pipelines.summary import Summary
 from facetcam.slam import Slam
 
@@ -60,6 +60,13 @@ def run_slam(
     """
     require_absent(out)
     inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames)
+    return track_film(inputs, out, max_frames, progress).summary
+
+
+def track_film(
+    inputs: SlamInputs, out: Path | str, max_frames: int | None = None, progress: Progress = silent
+) -> SlamResults:
+    """Do the work of `run_slam` on inputs that were read and checked."""
     slam = Slam(inputs.rig, inputs.config)
     with inputs.source, SlamRecord(fresh_folder(out), inputs.rig.view_names) as record:
         try:

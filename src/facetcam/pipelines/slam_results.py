@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,15 @@ Trajectory = tuple[Array, Array]
 ALIGNED_WITHIN = 0.02  # seconds between an estimated and a true pose that are compared
 
 
-def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupted: str = "") -> Summary:
+@dataclass(frozen=True, slots=True)
+class SlamResults:
+    """A run in numbers, and as its report shows it."""
+
+    summary: Summary
+    report: SlamReport
+
+
+def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupted: str = "") -> SlamResults:
     """Write the final trajectory in place of the live one, the map, the summary and the report.
 
     Raises
@@ -41,8 +50,9 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     write_ply(record.folder / "map.ply", *slam.cloud())
     summary = summarise(record, slam, inputs, path, seconds, interrupted)
     atomic_write(record.folder / "summary.json", summary.to_json())
-    write_slam_report(make_report(record, slam, inputs, path, summary), summary.report)
-    return summary
+    report = make_report(record, slam, inputs, path, summary)
+    write_slam_report(report, summary.report)
+    return SlamResults(summary, report)
 
 
 def summarise(
