@@ -109,11 +109,14 @@ def test_a_truth_on_another_clock_is_said_and_costs_nothing(
     assert "no comparison with the truth: only 0 of 20" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("count", "cause"), [(1, "a single frame shows no motion"), (3, "is it dark or blank")]
+)
 def test_a_film_in_which_nothing_can_be_tracked(
-    facetcam: Facetcam, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    facetcam: Facetcam, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int, cause: str
 ) -> None:
     monkeypatch.setattr(FakeSlam, "trajectory", lambda self: (np.empty(0), np.empty((0, 4, 4))))
-    black = write_film(tmp_path / "black.mp4", [np.zeros((48, 64, 3), np.uint8)] * 2)
+    black = write_film(tmp_path / "black.mp4", [np.zeros((48, 64, 3), np.uint8)] * count)
     result = facetcam("slam", black, "--rig", rig, "--out", tmp_path / "out")
-    assert "no frame could be tracked; is it dark or blank" in only_line(result)
+    assert f"no frame could be tracked; {cause}" in only_line(result)
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == FILES

@@ -11,7 +11,10 @@ import typer
 SourceArgument = Annotated[
     str, typer.Argument(metavar="SOURCE", help="Film, folder of images, or number of a live camera.")
 ]
-RigOption = Annotated[Path, typer.Option("--rig", help="rig.yaml of the camera and its mirrors.")]
+RigOption = Annotated[
+    Path,
+    typer.Option("--rig", help="rig.yaml of the camera and its mirrors, or preset:ryu, :pyramid, :table."),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", help="Folder to make [default: runs/NAME-TIME]; never one that exists."),

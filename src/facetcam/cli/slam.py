@@ -58,10 +58,14 @@ def slam(
         warn(warning)
     print_pairs("slam", summary_rows(summary))
     if summary.tracked == 0:
-        raise SourceError(
-            f"{summary.source}: no frame could be tracked; is it dark or blank, does the camera stand still,"
-            f" is this its rig? See {summary.report}"
-        )
+        raise SourceError(f"{summary.source}: no frame could be tracked; {likely_cause(summary.frames)}")
+
+
+def likely_cause(frames: int) -> str:
+    """What to look at when nothing was tracked."""
+    if frames < 2:
+        return "a single frame shows no motion; give a film"
+    return "is it dark or blank, does the camera stand still, is this its rig?"
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
 
@@ -11,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.config import nearest
 from facetcam.errors import ConfigError
 from facetcam.features.descriptors import DESCRIPTOR_BYTES, describe
 from facetcam.features.images import Image, Mask, as_grey, as_mask
@@ -45,9 +45,7 @@ class Detector(ABC):
         known = [field.name for field in dataclasses.fields(cls.Options)]
         for name in params:
             if name not in known:
-                near = difflib.get_close_matches(name, known, 1)
-                hint = f"did you mean {near[0]!r}?" if near else f"known are {', '.join(known)}"
-                raise ConfigError(f"{cls.__name__}: unknown parameter {name!r}; {hint}")
+                raise ConfigError(f"{cls.__name__}: unknown parameter {name!r}; {nearest(name, known)}")
         return cls(cls.Options(**params))
 
     def detect(self, image: Image, mask: Image | None = None) -> Keypoints:
