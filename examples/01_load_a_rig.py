@@ -18,6 +18,6 @@ centres = np.array([rig.T_rig_view(name)[:3, 3] for name in rig.view_names])
 apart = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
 print(f"the centres are up to {1000 * apart.max():.0f} mm apart")
 
-# A point two metres in front of the rig, 30 cm above it: where is it on the sensor?
-pixels, visible = rig.project("front", [[0.0, 2.0, 0.3]])
+# A point two metres in front of the rig: where is it on the sensor?
+pixels, visible = rig.project("front", [[0.0, 2.0, 0.1]])
 print(f"a point 2 m ahead is seen at pixel {np.round(pixels[0], 1)}, visible: {visible[0]}")
