@@ -85,7 +85,13 @@ def report() -> SlamReport:
         cloud=rng.normal(0, 2, (300, 3)),
         timing={"corners": rng.uniform(0.01, 0.02, FRAMES), "never": []},
         pictures=[Picture("frame 3", image, np.array([[20.0, 30.0]]), np.array([1]))],
-        truth=Truth(positions + np.array([0.0, 0.03, 0.0]), ate=0.03, ate_scaled=0.012, with_scale=False),
+        truth=Truth(
+            positions + np.array([0.0, 0.03, 0.0]),
+            np.full(FRAMES, 0.03),
+            ate=0.03,
+            ate_scaled=0.012,
+            with_scale=False,
+        ),
         facts={"speed": "12 frames/s"},
     )
 

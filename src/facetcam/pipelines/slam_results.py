@@ -6,6 +6,7 @@ import resource
 import sys
 from collections import Counter
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +109,7 @@ def make_report(
     health = [[state.views.get(name) for name in record.view_names] for state in record.states]
     shape = (record.frames, len(record.view_names))
     return SlamReport(
-        title=f"SLAM: {inputs.source.name}",
+        title=Path(inputs.source.name).name,
         view_names=record.view_names,
         times=np.array([state.timestamp for state in record.states]),
         statuses=[state.status.value for state in record.states],
@@ -135,8 +136,10 @@ def aligned_truth(truth: Array, estimate: Array, summary: Summary) -> Truth | No
         return None
     positions, target = truth[:, :3, 3], estimate[:, :3, 3]
     alignment = evaluation.align(positions, target, with_scale=not summary.metric)
+    errors = evaluation.position_errors(target, positions, with_scale=not summary.metric)
     return Truth(
         positions=alignment.apply(positions),
+        errors=errors,
         ate=summary.errors.ate.rmse,
         ate_scaled=summary.errors.ate_scaled.rmse,
         with_scale=not summary.metric,

@@ -25,8 +25,8 @@ MAX_SAMPLES = 1500  # along time; more would only make the page heavy
 Array = NDArray[np.floating]
 
 
-def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None) -> str:
-    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (N, 3) from above, metres."""
+def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None, unit: str = "m") -> str:
+    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (N, 3) from above, in `unit`."""
     figure, axes = new_figure(6.8, 5.2)
     plane = ground(path)
     if len(cloud):
@@ -39,8 +39,8 @@ def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None
     axes.plot(*keyframes[:, plane].T, "o", ms=2.6, color=view_colour(0), label="keyframes")
     axes.plot(*path[0, plane], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(f"{'xyz'[plane[0]]} (m)")
-    axes.set_ylabel(f"{'xyz'[plane[1]]} (m)")
+    axes.set_xlabel(f"{'xyz'[plane[0]]} ({unit})")
+    axes.set_ylabel(f"{'xyz'[plane[1]]} ({unit})")
     legend_above(axes, 5)
     return to_svg(figure)
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-import numpy as np
 from markupsafe import Markup
 
 from facetcam import __version__
@@ -65,13 +64,13 @@ def slam_figures(report: SlamReport) -> Mapping[str, Markup]:
     truth = report.truth
     if len(report.positions):
         aligned = truth.positions if truth else None
-        drawn["path"] = figures.path_figure(report.positions, report.keyframes, report.cloud, aligned)
+        unit = "m" if report.metric else "map units"
+        drawn["path"] = figures.path_figure(report.positions, report.keyframes, report.cloud, aligned, unit)
     if len(report.times) > 1:
         expected = report.predicted.sum(axis=1)
         drawn["counts"] = figures.counts_figure(report.times, report.inliers, expected, report.view_names)
-    if truth is not None and len(truth.positions):
-        errors = np.linalg.norm(report.positions - truth.positions, axis=1)
-        drawn["error"] = figures.error_figure(report.pose_times, errors)
+    if truth is not None and len(truth.errors):
+        drawn["error"] = figures.error_figure(report.pose_times, truth.errors)
     if any(len(seconds) for seconds in report.timing.values()):
         drawn["timing"] = figures.timing_figure(report.timing)
     return {name: Markup(svg) for name, svg in drawn.items()}

@@ -34,13 +34,15 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The true path beside the estimate: `positions` (M, 3) at its times, aligned to it, in metres.
+    """The true path beside the estimate: `positions` (M, 3) at its times, laid over it, in its unit.
 
+    `errors` (M,) are the distances of the aligned estimate to the truth in metres.
     `ate` is the absolute trajectory error (root mean square, m) after a rigid alignment, `ate_scaled` after
-    one with scale; `with_scale` says which of the two alignments `positions` went through.
+    one with scale; `with_scale` says which of the two alignments `positions` and `errors` went through.
     """
 
     positions: Array
+    errors: Array
     ate: float
     ate_scaled: float
     with_scale: bool
