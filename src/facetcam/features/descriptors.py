@@ -38,7 +38,7 @@ def describe(
         The M <= N points whose patch could be described, unchanged.
     descriptors : (M, 32) uint8
     """
-    grey = _as_bytes(as_grey(image))
+    grey = as_bytes(as_grey(image))
     patches = _mirrored(keypoints, grey.shape[1]) if flipped else keypoints
     if flipped:
         grey = np.ascontiguousarray(grey[:, ::-1])
@@ -52,7 +52,7 @@ def describe(
     return keypoints[np.array([point.class_id for point in kept], np.intp)], descriptors
 
 
-def _as_bytes(grey: Image) -> NDArray[np.uint8]:
+def as_bytes(grey: Image) -> NDArray[np.uint8]:
     """Stretch the values of other types to 8 bits between their 0.1 % and 99.9 % quantiles."""
     if grey.dtype == np.uint8:
         return np.ascontiguousarray(grey)

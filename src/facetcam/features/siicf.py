@@ -8,7 +8,6 @@ and puts the change where it has an effect: eta inside a logarithm.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -18,84 +17,114 @@ from facetcam.errors import ConfigError
 from facetcam.features.detector import Detector, require
 from facetcam.features.images import Image, Mask
 from facetcam.features.keypoints import Keypoints
+from facetcam.features.paper import PaperParameters, paper_rows
+from facetcam.features.peaks import strongest
+
+MODES = {"robust": (0.01, 0.02), "paper": (0.04, 500.0)}  # alpha, threshold
 
 _NO_TABLE = np.zeros(0, np.float32)
+_LIMITS = {
+    "scales": (1, 8),
+    "sigma": (0.3, 4.0),
+    "alpha": (0.0, 0.24),
+    "threshold": (0.0, np.inf),
+    "spread": (0, 1e6),
+    "eta": (1, 1e6),
+    "window": (0.5, 4.0),
+    "coarse_weight": (0.0, 10.0),
+    "compression": (0.0, 1e6),
+    "suppression": (1, 8),
+    "border": (0, 1e6),
+    "threads": (0, 1024),
+    "levels": (1, 8),
+    "k": (1.05, 3.0),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class SIICFOptions:
-    """Parameters of the robust mode.
+    """Parameters of SIICF.
 
     Attributes
     ----------
+    mode : str
+        "robust", or "paper": equations 1-5 as printed. Parameters of one mode only are marked.
     max_features : int or None
         The strongest are kept; None keeps all.
     scales : int
-        Number of octaves.
-    spread : int
-        0 keeps the strongest anywhere. Otherwise the side in pixels of square cells: the best of every cell
-        comes first, then every second best, and so on.
-    eta : float
-        Intensity added inside the logarithm, where the median grey value is 64; more damps dark noise.
-    sigma, window : float
-        Gaussians before the gradient (differentiation scale) and over its products (integration scale),
-        pixels of the octave.
-    coarse_weight : float
-        Weight of the response of the next coarser scale in the sum over scales.
-    compression : float
-        Gradients g become g / sqrt(|g| + compression); 0 leaves them.
+        Number of octaves (in the paper: of down-sampled images).
+    sigma : float
+        Gaussian before the gradient (differentiation scale), pixels of the octave.
     alpha : float
-        Of Harris' det H - alpha trace^2 H, equation 5.
+        Of Harris' det H - alpha trace^2 H, equation 5; None takes 0.01 (robust) or 0.04 (paper).
     threshold : float
-        Least response. Responses come from gradients of the logarithm, so this is a contrast and does not
-        depend on the light; lower it to get more, weaker corners.
+        Least response; None takes 0.02 (robust) or 500 (paper). A robust response comes from gradients of the
+        logarithm, so this is a contrast whatever the light; lower it for more, weaker corners.
+    spread : int
+        Robust: 0 keeps the strongest anywhere. Otherwise the side in pixels of square cells: the best of
+        every cell comes first, then every second best, and so on.
+    eta : float
+        Robust: intensity added inside the logarithm, where the median grey value is 64; more damps dark
+        noise.
+    window : float
+        Robust: Gaussian over the products of gradients (integration scale), pixels of the octave.
+    coarse_weight : float
+        Robust: weight of the response of the next coarser octave in the sum over octaves.
+    compression : float
+        Robust: gradients g become g / sqrt(|g| + compression); 0 leaves them.
     suppression : int
-        Half width of the window in which a corner must be the maximum, pixels of the octave.
+        Robust: half width of the window in which a corner must be the maximum, pixels.
     border : int
-        No corner nearer than this to the edge of the image, pixels.
+        Robust: no corner nearer than this to the edge of the image, pixels.
     oriented : bool
-        Give corners the direction to the centroid of their neighbourhood; otherwise 0 (upright).
+        Robust: give corners the direction to the centroid of their neighbourhood; otherwise 0 (upright).
     threads : int
-        0 takes as many as OpenCV, `cv2.getNumThreads()`.
+        Robust: 0 takes as many as OpenCV, `cv2.getNumThreads()`. The result does not depend on it.
+    levels, k : int, float
+        Paper: Gaussian scales in each octave, and the ratio between them.
+    etas : tuple of float
+        Paper: intensity changes; a corner must be a local maximum in most of the changed images.
     """
 
-    mode: Literal["robust", "paper"] = "robust"
+    mode: str = "robust"
     max_features: int | None = 1000
     scales: int = 3
+    sigma: float = 1.2
+    alpha: float | None = None
+    threshold: float | None = None
     spread: int = 0
     eta: float = 64.0
-    sigma: float = 1.2
     window: float = 1.5
     coarse_weight: float = 0.7
     compression: float = 0.05
-    alpha: float = 0.01
-    threshold: float = 0.02
     suppression: int = 2
     border: int = 4
     oriented: bool = True
     threads: int = 0
+    levels: int = 3
+    k: float = 1.4
+    etas: tuple[float, ...] = (-60.0, -30.0, 0.0, 30.0, 60.0)
 
     def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise ConfigError(f"SIICF: mode must be one of {', '.join(MODES)}, got {self.mode!r}")
         if self.max_features is not None:
             require("SIICF", "max_features", self.max_features, 1)
-        limits = {
-            "scales": (1, 8),
-            "spread": (0, np.inf),
-            "eta": (1, 1e6),
-            "sigma": (0.3, 4.0),
-            "window": (0.5, 4.0),
-            "compression": (0.0, np.inf),
-            "alpha": (0.0, 0.24),
-            "threshold": (0.0, np.inf),
-            "suppression": (1, 8),
-            "coarse_weight": (0.0, 10.0),
-            "border": (0, np.inf),
-            "threads": (0, 1024),
-        }
-        for name, (low, high) in limits.items():
-            require("SIICF", name, getattr(self, name), low, high)
-        if self.mode not in ("robust", "paper"):
-            raise ConfigError(f"SIICF: mode must be 'robust' or 'paper', got {self.mode!r}")
+        for name, (low, high) in _LIMITS.items():
+            if (value := getattr(self, name)) is not None:
+                require("SIICF", name, value, low, high)
+        if not self.etas:
+            raise ConfigError("SIICF: etas must hold at least one number, got none")
+        for eta in self.etas:
+            require("SIICF", "etas", eta, -255.0, 255.0)
+
+    def measure(self) -> tuple[float, float]:
+        """Alpha and threshold, the mode's own where they are None."""
+        alpha, threshold = MODES[self.mode]
+        return (
+            alpha if self.alpha is None else self.alpha,
+            threshold if self.threshold is None else self.threshold,
+        )
 
 
 class SIICF(Detector):
@@ -105,7 +134,18 @@ class SIICF(Detector):
     options: SIICFOptions
 
     def _detect(self, grey: Image, mask: Mask | None) -> Keypoints:
+        if self.options.mode == "paper":
+            return self._detect_paper(grey, mask)
+        return self._detect_robust(grey, mask)
+
+    def _detect_paper(self, grey: Image, mask: Mask | None) -> Keypoints:
+        o = self.options
+        parameters = PaperParameters(o.scales, o.levels, o.sigma, o.k, o.etas, *o.measure())
+        return strongest(paper_rows(grey, parameters), mask, o.max_features)
+
+    def _detect_robust(self, grey: Image, mask: Mask | None) -> Keypoints:
         options = self.options
+        alpha, threshold = options.measure()
         if grey.dtype == np.float32:
             grey, table = _log_of_floats(grey, mask, options.eta), _NO_TABLE
         else:
@@ -117,14 +157,14 @@ class SIICF(Detector):
             scales=options.scales,
             sigma=options.sigma,
             window=options.window,
-            alpha=options.alpha,
+            alpha=alpha,
             compression=options.compression,
             coarse_weight=options.coarse_weight,
-            threshold=options.threshold,
+            threshold=threshold,
             suppression=options.suppression,
+            border=options.border,
             max_features=options.max_features or 0,
             cell=options.spread,
-            border=options.border,
             oriented=options.oriented,
             threads=options.threads or cv2.getNumThreads(),
         )
