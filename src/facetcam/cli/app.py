@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from facetcam import __version__
+from facetcam.cli.demo import demo
 from facetcam.cli.detect import detect
 from facetcam.cli.evaluate import trajectory
 from facetcam.cli.failures import DEBUG, in_one_line
@@ -40,7 +41,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (slam, detect):
+for command in (slam, detect, demo):
     app.command()(in_one_line(command))
 evaluate.command()(in_one_line(trajectory))
 app.add_typer(evaluate, name="evaluate")

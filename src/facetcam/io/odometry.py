@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.errors import SourceError
+from facetcam.io.outputs import atomic_write
 from facetcam.io.tables import read_numbers
 
 Array = NDArray[np.float64]
@@ -43,6 +44,18 @@ class Odometry:
                 f"odometry: covers {first:.3f} to {last:.3f} s, but {what} runs from {span[0]:.3f} to"
                 f" {span[1]:.3f} s; give odometry on the film's clock"
             )
+
+
+def write_odometry(path: Path, times: Array, rows: Array) -> None:
+    """Write rows x, y, yaw (N, 3) at times (N,).
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    lines = [f"{t:.6f},{x:.6f},{y:.6f},{yaw:.6f}" for t, (x, y, yaw) in zip(times, rows, strict=True)]
+    atomic_write(path, "\n".join([COLUMNS, *lines]) + "\n")
 
 
 def read_odometry(path: Path | str) -> Odometry:

@@ -35,7 +35,7 @@ class Film:
     sensor: Sensor = field(default_factory=Sensor)
 
     def __post_init__(self) -> None:
-        self._rays = FrameRays(self.rig)
+        self.rays = FrameRays(self.rig)
 
     def __len__(self) -> int:
         return len(self.drive)
@@ -44,6 +44,18 @@ class Film:
         """Yield raw frames (H, W, 3) BGR; the exposure follows the light as it goes."""
         exposure = AutoExposure()
         for index, (time, pose) in enumerate(zip(self.drive.times, self.drive.poses)):
-            radiance, _ = self._rays.render(self.renderer, pose, float(time))
+            radiance, _ = self.rays.render(self.renderer, pose, float(time))
             noise = np.random.default_rng([self.seed, index])
             yield self.sensor.develop(radiance, exposure.follow(radiance, float(time)), noise)
+
+    def exposure(self, index: int, time: float) -> float:
+        """Right exposure at the place of frame `index` in the light of a time in seconds."""
+        radiance, _ = self.rays.render(self.renderer, self.drive.poses[index], time)
+        return AutoExposure().follow(radiance, time)
+
+    def still(self, index: int, time: float, exposure: float) -> NDArray[np.uint8]:
+        """Take a raw frame at the place of frame `index` in the light of another time in seconds."""
+        radiance, _ = self.rays.render(self.renderer, self.drive.poses[index], time)
+        return self.sensor.develop(
+            radiance, exposure, np.random.default_rng([self.seed, index, round(1e3 * time)])
+        )

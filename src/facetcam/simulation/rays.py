@@ -134,4 +134,5 @@ def _view(rig: Rig, name: str, area: NDArray[np.bool_], offsets: Array) -> _View
     places = np.column_stack([seam % rig.camera.width, seam // rig.camera.width])[:, None] + offsets
     sees[~inner[pixels]] = rig.sees(name, places).reshape(len(seam), len(offsets))
     weight = np.asarray(sees / len(offsets), dtype=np.float32)
-    return _View(rig.T_rig_image(name), pixels, weight, ~sees.all(axis=1), ~sees.any(axis=1))
+    seam, dark = np.asarray(~sees.all(axis=1)), np.asarray(~sees.any(axis=1))
+    return _View(rig.T_rig_image(name), pixels, weight, seam, dark)
