@@ -100,10 +100,15 @@ void ResponseRows::filter_columns(float* row, const std::vector<float>& taps, fl
     kernels_.symmetric_filter(rows, taps.data(), radius, width_, out);
 }
 
+const float* ResponseRows::source_row(int y) { return octave_ ? octaves_.row(octave_, y) : source_[y]; }
+
 void ResponseRows::make_smooth(int y) {
-    for (; next_source_ <= std::min(y + radius_of(blur_), height_ - 1); ++next_source_)
-        octaves_.read_row(octave_, next_source_, 0, source_[next_source_]);
-    filter_rows(source_, y, blur_, column_[0]);
+    const int radius = radius_of(blur_);
+    for (; octave_ == 0 && next_source_ <= std::min(y + radius, height_ - 1); ++next_source_)
+        octaves_.read_row(0, next_source_, 0, source_[next_source_]);
+    const float* rows[2 * kMaxRadius + 1];
+    for (int i = -radius; i <= radius; ++i) rows[i + radius] = source_row(mirrored(y + i, height_));
+    kernels_.symmetric_filter(rows, blur_.data(), radius, width_, column_[0]);
     filter_columns(column_[0], blur_, smooth_[y]);
     mirror_ends(smooth_[y], width_, 1);
 }

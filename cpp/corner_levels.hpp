@@ -16,7 +16,7 @@ struct ResponseOptions {
 // Rows of an octave-sized map.
 struct Map {
     int width = 0, height = 0;
-    std::vector<float> values;
+    Scratch values;
     const float* row(int y) const { return values.data() + static_cast<std::size_t>(y) * width; }
     float* row(int y) { return values.data() + static_cast<std::size_t>(y) * width; }
 };
@@ -53,6 +53,7 @@ class ResponseRows {
     void make_product(int y);
     void make_response(int y);
     void add_coarse(int y);
+    const float* source_row(int y);
     void filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out);
     void filter_columns(float* row, const std::vector<float>& taps, float* out);
 

@@ -34,7 +34,7 @@ std::vector<Map> coarse_maps(const Octaves& octaves, const DetectorOptions& opti
         Map& map = maps[octave];
         map.width = octaves.grid(octave).width;
         map.height = octaves.grid(octave).height;
-        map.values.resize(static_cast<std::size_t>(map.width) * map.height);
+        map.values = Scratch(static_cast<std::size_t>(map.width) * map.height);
         const Map* coarse = octave + 1 < octaves.count() ? &maps[octave + 1] : nullptr;
         for_bands(map.height, options.threads, [&](int, int first, int last) {
             ResponseRows rows(octaves, octave, coarse, options.response, kernels, first, 0);

@@ -67,7 +67,7 @@ void Octaves::read_row(int octave, int y, int pad, float* out) const {
     if (octave == 0)
         transfer_pixels(static_cast<const char*>(image_.data) + y * image_.row_stride, n, out);
     else
-        std::copy_n(planes_[octave].data() + static_cast<std::size_t>(y) * n, n, out);
+        std::copy_n(row(octave, y), n, out);
     mirror_ends(out, n, pad);
 }
 
@@ -75,7 +75,7 @@ float Octaves::value(int octave, int x, int y) const {
     const OctaveGrid& grid = grids_[octave];
     x = std::clamp(x, 0, grid.width - 1);
     y = std::clamp(y, 0, grid.height - 1);
-    if (octave > 0) return planes_[octave][static_cast<std::size_t>(y) * grid.width + x];
+    if (octave > 0) return row(octave, y)[x];
     const char* pixel =
         static_cast<const char*>(image_.data) + y * image_.row_stride + x * image_.column_stride;
     float out;
@@ -87,8 +87,8 @@ void Octaves::read_disc_row(int octave, int x, int y, int reach, float* out) con
     const OctaveGrid& grid = grids_[octave];
     const bool inside = x >= reach && x + reach < grid.width && y >= 0 && y < grid.height;
     if (inside && octave == 0) {
-        const char* row = static_cast<const char*>(image_.data) + y * image_.row_stride;
-        transfer_pixels(row + (x - reach) * image_.column_stride, 2 * reach + 1, out);
+        const char* pixels = static_cast<const char*>(image_.data) + y * image_.row_stride;
+        transfer_pixels(pixels + (x - reach) * image_.column_stride, 2 * reach + 1, out);
     } else if (inside) {
         std::copy_n(planes_[octave].data() + static_cast<std::size_t>(y) * grid.width + x - reach,
                     2 * reach + 1, out);
@@ -120,7 +120,7 @@ void Octaves::build(int octave, int threads) {
     const OctaveGrid fine = grids_[octave - 1], coarse = grids_[octave];
     const bool odd_width = fine.width % 2, odd_height = fine.height % 2;
     const int taps = odd_height ? 5 : 4, lead = odd_height ? 2 : 1;
-    planes_[octave].resize(static_cast<std::size_t>(coarse.width) * coarse.height);
+    planes_[octave] = Scratch(static_cast<std::size_t>(coarse.width) * coarse.height);
     const int bands = (coarse.height + kBandRows - 1) / kBandRows;
     parallel_for(bands, threads, [&](int band) {
         constexpr int kPad = 2, kRing = 8;

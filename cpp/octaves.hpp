@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "corner_kernels.hpp"
+#include "scratch.hpp"
 
 namespace facetcam {
 
@@ -36,6 +37,10 @@ class Octaves {
     const OctaveGrid& grid(int octave) const { return grids_[octave]; }
     // Writes the row with `pad` mirrored pixels on both sides; `out` points at pixel 0.
     void read_row(int octave, int y, int pad, float* out) const;
+    // The stored row of an octave above 0.
+    const float* row(int octave, int y) const {
+        return planes_[octave].data() + static_cast<std::size_t>(y) * grids_[octave].width;
+    }
     // Direction from a point to the centroid of the values in a disc of radius 7 round it, radians in
     // [0, 2 pi); the point in pixels of the octave.
     float centroid_angle(int octave, float x, float y) const;
@@ -50,7 +55,7 @@ class Octaves {
     const std::vector<float>& table_;
     const RowKernels& kernels_;
     std::vector<OctaveGrid> grids_;
-    std::vector<std::vector<float>> planes_;
+    std::vector<Scratch> planes_;
 };
 
 // Index mirrored at the borders without repeating the border pixel.
