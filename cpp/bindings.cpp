@@ -5,6 +5,7 @@ NB_MODULE(_core, m) {
     m.doc() = "Native kernels of facetcam.";
     facetcam::bind_features(m);
     facetcam::bind_raycast(m);
+    facetcam::bind_remap(m);
     facetcam::bind_tracing(m);
     facetcam::bind_patch(m);
 }

@@ -12,6 +12,7 @@ namespace facetcam {
 void bind_features(nanobind::module_& m);
 void bind_patch(nanobind::module_& m);
 void bind_raycast(nanobind::module_& m);
+void bind_remap(nanobind::module_& m);
 void bind_tracing(nanobind::module_& m);
 
 // Hands a vector over to NumPy without a copy.

@@ -81,3 +81,10 @@ def shade_rays(
     ray_angle: float,
     threads: int,
 ) -> NDArray[np.float32]: ...
+def remap(
+    sources: NDArray[np.uint16],
+    runs: NDArray[np.int32],
+    image: NDArray[Any],
+    output: NDArray[Any],
+    threads: int,
+) -> None: ...

@@ -16,7 +16,7 @@ LAYERS = (
     {"geometry"},
     {"config"},
     {"rig"},
-    {"unwrap", "features", "simulation", "design"},
+    {"unwrapping", "features", "simulation", "design"},
     {"io", "calibration", "evaluation"},
     {"slam"},
     {"viz"},
