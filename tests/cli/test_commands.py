@@ -88,7 +88,7 @@ class TestDetect:
         folder = write_folder(tmp_path / "in", moving(1))
         assert "no such file" in only_line(facetcam("detect", tmp_path / "none", "--out", tmp_path / "out"))
         line = only_line(facetcam("detect", folder, "--mode", "magic", "--out", tmp_path / "out"))
-        assert "mode must be 'robust' or 'paper'" in line
+        assert "mode must be one of robust, paper, got 'magic'" in line
         assert not (tmp_path / "out").exists()
         assert "exists already" in only_line(facetcam("detect", folder, "--out", folder))
 

@@ -13,6 +13,7 @@ from facetcam.cli.detect import detect
 from facetcam.cli.evaluate import trajectory
 from facetcam.cli.failures import DEBUG, in_one_line
 from facetcam.cli.slam import slam
+from facetcam.cli.unwrap import unwrap
 
 app = typer.Typer(
     name="facetcam",
@@ -41,7 +42,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (slam, detect, demo):
+for command in (demo, slam, unwrap, detect):
     app.command()(in_one_line(command))
 evaluate.command()(in_one_line(trajectory))
 app.add_typer(evaluate, name="evaluate")

@@ -26,7 +26,7 @@ def in_one_line(command: Callable[P, None]) -> Callable[P, None]:
     def guarded(*args: P.args, **kwargs: P.kwargs) -> None:
         try:
             command(*args, **kwargs)
-        except typer.Exit:
+        except (typer.Exit, typer.BadParameter):
             raise
         except KeyboardInterrupt as error:
             code = error.exit_code if isinstance(error, Stopped) else INTERRUPTED

@@ -29,8 +29,6 @@ class ImageFolder:
         The folder, or one image.
     fps : float, optional
         Frame rate; without it the times come from `timestamps.txt`.
-    timed : bool
-        Whether times matter; otherwise the index is taken where neither is given.
 
     Raises
     ------
@@ -40,11 +38,11 @@ class ImageFolder:
 
     live = False
 
-    def __init__(self, path: Path, fps: float | None, timed: bool = True) -> None:
+    def __init__(self, path: Path, fps: float | None) -> None:
         self.name = str(path)
         self.skipped: list[Skipped] = []
         files = _images_in(path)
-        self._files, self._times = _with_times(path, files, fps, timed)
+        self._files, self._times = _with_times(path, files, fps)
         self.count = len(self._files)
         self.time_span = (self._times[0], self._times[-1])
         self.size = self._first_size()
@@ -121,12 +119,10 @@ def _images_in(path: Path) -> list[Path]:
     return files
 
 
-def _with_times(
-    path: Path, files: list[Path], fps: float | None, timed: bool
-) -> tuple[list[Path], Sequence[float]]:
+def _with_times(path: Path, files: list[Path], fps: float | None) -> tuple[list[Path], Sequence[float]]:
     """Images in the order of their times, with these."""
     table = path / TIMESTAMPS
-    if fps is not None or not timed or path.is_file():
+    if fps is not None or path.is_file():
         return files, [index / (fps or 1.0) for index in range(len(files))]
     if not table.is_file():
         raise SourceError(

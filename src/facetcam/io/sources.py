@@ -95,7 +95,7 @@ def open_source(path: Path | str | int, fps: float | None = None, timed: bool = 
     fps : float, optional
         Frame rate that replaces the source's own times (needed for a folder without `timestamps.txt`).
     timed : bool
-        False where times do not matter; then a folder needs none.
+        False where times do not matter; then the frames are numbered, one a second.
 
     Raises
     ------
@@ -106,10 +106,10 @@ def open_source(path: Path | str | int, fps: float | None = None, timed: bool = 
     """
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise ConfigError(f"--fps {fps}: must be a positive number of frames a second")
-    return Source(_reader(path, fps, timed))
+    return Source(_reader(path, fps if timed else fps or 1.0))
 
 
-def _reader(path: Path | str | int, fps: float | None, timed: bool) -> Reader:
+def _reader(path: Path | str | int, fps: float | None) -> Reader:
     location = Path(str(path))
     if not location.exists():
         if str(path).isdecimal():
@@ -118,5 +118,5 @@ def _reader(path: Path | str | int, fps: float | None, timed: bool) -> Reader:
     if location.is_file() and location.stat().st_size == 0:
         raise SourceError(f"{path}: empty file")
     if location.is_dir() or location.suffix.lower() in SUFFIXES:
-        return ImageFolder(location, fps, timed)
+        return ImageFolder(location, fps)
     return Video(location, fps)
