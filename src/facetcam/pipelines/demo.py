@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from facetcam.io.outputs import fresh_folder
-from facetcam.pipelines.demo_checks import light_checks, trajectory_checks
+from facetcam.pipelines.demo_checks import light_checks, trajectory_checks, view_check
 from facetcam.pipelines.demo_film import demo_film, shoot
+from facetcam.pipelines.demo_views import view_pairs
 from facetcam.pipelines.inputs import read_slam_inputs
 from facetcam.pipelines.progress import Progress, silent
 from facetcam.pipelines.slam import track_film
@@ -66,8 +67,11 @@ def run_demo(out: Path | str, *, quick: bool = False, stage: Stage = unwatched) 
         inputs = read_slam_inputs(files.film, files.rig, files.odometry, files.truth, None, None, None)
         results = track_film(inputs, folder / "slam", progress=progress)
     middle = len(film) // 2
-    checks = [*trajectory_checks(results.summary, film), *light_checks(film, middle)]
+    with stage("comparing") as progress:
+        pairs = view_pairs(film, middle)
+        checks = [*trajectory_checks(results.summary, film), view_check(pairs), *light_checks(film, middle)]
+        progress(1, 1)
     frame = Picture("raw frame", film.still(middle, 0.0, film.exposure(middle, 0.0)))
-    report = DemoReport(results.report, frame, [], checks)
+    report = DemoReport(results.report, frame, [pair.picture(i) for i, pair in enumerate(pairs)], checks)
     write_demo_report(report, folder / "report.html")
     return Demo(tuple(checks), folder / "report.html")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from facetcam.evaluation import trajectory as evaluation
 from facetcam.evaluation.repeatability import one_to_one
 from facetcam.features import SIICF
+from facetcam.pipelines.demo_views import ViewPair
 from facetcam.pipelines.summary import Summary
 from facetcam.simulation.drive import wheel_odometry
 from facetcam.simulation.film import Film
@@ -19,6 +21,7 @@ from facetcam.viz.report import Check
 
 Array = NDArray[np.float64]
 
+PSNR = 35.0  # decibels
 SEAM_MARGIN = 12.0  # pixels
 
 
@@ -40,6 +43,13 @@ def trajectory_checks(summary: Summary, film: Film) -> list[Check]:
         _below("turn error from frame to frame", math.degrees(errors.rpe_rotation.rmse), 0.1, "degrees"),
         Check("path error of the wheels alone", f"{drift:.3f} m", "larger", drift > errors.ate.rmse),
     ]
+
+
+def view_check(pairs: Sequence[ViewPair]) -> Check:
+    """Agreement of unwrapped views with pictures taken directly."""
+    worst = min(pairs, key=lambda pair: pair.psnr)
+    value = f"{worst.psnr:.1f} dB or better"
+    return Check("unwrapped against direct views", value, f"≥ {PSNR:g} dB", worst.psnr >= PSNR)
 
 
 def light_checks(film: Film, index: int) -> list[Check]:
