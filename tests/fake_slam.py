@@ -5,6 +5,7 @@ Run as a program, it is the `facetcam` command with that stand-in, a frame every
 
 from __future__ import annotations
 
+import importlib
 import time
 
 import numpy as np
@@ -27,6 +28,7 @@ class FakeSlam:
         self.seen: list[float] = []
         self.odometry: list[tuple[float, float, float] | None] = []
         self.timing = {"track": [0.01]}
+        importlib.import_module("pycolmap")  # as the real one does: its logging takes SIGTERM for itself
 
     def pose(self, time_: float) -> Array:
         T = np.eye(4)

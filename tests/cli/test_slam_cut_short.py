@@ -123,6 +123,6 @@ def test_a_limit_of_the_system_on_what_is_written(rig: Path, tmp_path: Path) -> 
         _, stderr = process.communicate(timeout=60)
     assert process.returncode == 1
     assert len(stderr.splitlines()) == 1
-    assert "cannot be written (File too large); what was written before is kept" in stderr
+    assert "cannot be written (File too large); the results so far are in" in stderr
     assert len((out / "states.csv").read_text().splitlines()) > 10
     assert (out / "states.csv").stat().st_size <= limit

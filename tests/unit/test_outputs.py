@@ -87,7 +87,7 @@ class TestLineWriter:
             with FULL.open("w") as full:
                 os.dup2(full.fileno(), lines._file.fileno())
             with pytest.raises(
-                OutputError, match=r"No space left on device\); what was written before is kept"
+                OutputError, match=r"a\.csv: cannot be written \(No space left on device\)"
             ):
                 lines.write("lost")
         assert (tmp_path / "a.csv").read_text() == "kept\n"

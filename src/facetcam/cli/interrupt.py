@@ -31,8 +31,14 @@ def stoppable() -> Iterator[Callable[[], None]]:
     def stop_if_asked() -> None:
         if asked:
             raise Stopped(asked[0])
+        listen()  # a native library loaded meanwhile may have taken SIGTERM (the logging of pycolmap does)
 
-    before = {number: signal.signal(number, ask) for number in SIGNALS}
+    def listen() -> None:
+        for number in SIGNALS:
+            signal.signal(number, ask)
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    listen()
     try:
         yield stop_if_asked
     finally:

@@ -88,12 +88,12 @@ def require_absent(path: Path | str) -> None:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turn the system's complaint about a file into an OutputError that says what is kept."""
+    """Turn the system's complaint about a file into an OutputError."""
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise OutputError(f"{path}: cannot be written ({reason}); what was written before is kept") from error
+        raise OutputError(f"{path}: cannot be written ({reason})") from error
 
 
 def _umask() -> int:
