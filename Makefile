@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 RUN := $(BIN)/python -m
 NATIVE := $(wildcard cpp/*)
 INPUTS := pyproject.toml CMakeLists.txt $(NATIVE)
-OUT ?= out/demo-$(shell date +%Y%m%d-%H%M%S)
+ARGS ?=
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test test-all bench docs lint format clean
@@ -15,8 +15,8 @@ help:  ## list the targets
 
 install: $(VENV)/.test  ## make .venv and install facetcam with its test tools
 
-demo: $(VENV)/.test  ## run the whole line on a built-in scene; OUT=folder chooses where (default out/demo-TIME)
-	$(BIN)/facetcam demo --out $(OUT)
+demo: $(VENV)/.test  ## run the whole line on a built-in scene; ARGS=--quick for a short drive
+	$(BIN)/facetcam demo $(ARGS)
 
 test: $(VENV)/.test  ## the quick tests
 	$(RUN) pytest -n auto
