@@ -34,7 +34,7 @@ def write_slam_report(report: SlamReport, path: Path) -> None:
 
 def write_demo_report(report: DemoReport, path: Path) -> None:
     """Write the page of the demo to `path`; raises `OutputError` when it cannot be written."""
-    context = slam_context(report.slam)
+    context = slam_context(report.slam) | {"title": report.title}
     context |= {"frame": embedded(report.frame), "views": [embedded(view) for view in report.views]}
     write_page("demo.html", path, context | {"checks": report.checks})
 

@@ -90,6 +90,7 @@ class DemoReport:
     frame: Picture  # one raw frame
     views: Sequence[Picture]  # its unwrapped views with detected corners
     checks: Sequence[Check]
+    title: str = "A drive round a furnished room"
 
 
 @dataclass(frozen=True, slots=True)
