@@ -4,15 +4,15 @@ from pathlib import Path
 
 import cv2
 
+import facetcam
 from facetcam.rig import presets
 from facetcam.simulation import drive, film, renderer, room
-from facetcam.unwrapping import unwrap
 
 rig = presets.ryu()
 scene = renderer.Renderer(room.furnished_room())
 frame = next(iter(film.Film(rig, scene, drive.round_the_table(1))))
 
-unwrapper = unwrap(rig, size=(640, 480))  # the maps are made once, then used for every frame
+unwrapper = facetcam.unwrap(rig, size=(640, 480))  # the maps are made once, then used for every frame
 out = Path("views")
 out.mkdir(exist_ok=True)
 for name, view in unwrapper(frame).items():

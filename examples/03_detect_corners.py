@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-from facetcam.features import SIICF, match_mutual
+import facetcam
+from facetcam.features import match_mutual
 from facetcam.rig import presets
 from facetcam.simulation import drive, film, renderer, room
 
@@ -12,7 +13,7 @@ scene = renderer.Renderer(room.furnished_room())
 frame = next(iter(film.Film(rig, scene, drive.round_the_table(1))))
 dark = frame // 4
 
-detector = SIICF.create(max_features=800)
+detector = facetcam.SIICF.create(max_features=800)
 mask = rig.mask(margin=8)  # no corners on the seams between the mirrors
 keypoints, descriptors = detector.detectAndCompute(frame, mask)
 dark_keypoints, dark_descriptors = detector.detectAndCompute(dark, mask)
