@@ -29,13 +29,13 @@ void for_bands(int height, int threads, const Task& task) {
 // Summed responses of the octaves above 0; maps[octave], the coarsest first made.
 std::vector<Map> coarse_maps(const Octaves& octaves, const DetectorOptions& options,
                              const RowKernels& kernels) {
-    std::vector<Map> maps(octaves.count());
-    for (int octave = octaves.count() - 1; octave > 0; --octave) {
+    std::vector<Map> maps(std::min(options.scales, octaves.count()));
+    for (int octave = static_cast<int>(maps.size()) - 1; octave > 0; --octave) {
         Map& map = maps[octave];
         map.width = octaves.grid(octave).width;
         map.height = octaves.grid(octave).height;
         map.values = Scratch(static_cast<std::size_t>(map.width) * map.height);
-        const Map* coarse = octave + 1 < octaves.count() ? &maps[octave + 1] : nullptr;
+        const Map* coarse = octave + 1 < static_cast<int>(maps.size()) ? &maps[octave + 1] : nullptr;
         for_bands(map.height, options.threads, [&](int, int first, int last) {
             ResponseRows rows(octaves, octave, coarse, options.response, kernels, first, 0);
             for (int y = first; y < last; ++y) std::copy_n(rows[y], map.width, map.row(y));
@@ -80,9 +80,10 @@ int best_octave(const Octaves& octaves, const std::vector<Map>& maps, const Corn
                 float coarse_weight) {
     int best = 0;
     float sum = corner.response, best_own = -1.0f;
-    for (int octave = 0; octave < octaves.count(); ++octave) {
+    const int count = static_cast<int>(maps.size());
+    for (int octave = 0; octave < count; ++octave) {
         float coarse = 0.0f;
-        if (octave + 1 < octaves.count()) {
+        if (octave + 1 < count) {
             const OctaveGrid& grid = octaves.grid(octave);
             const auto nearest = [&](float place, float origin, int size) {
                 return std::clamp(static_cast<int>(std::lround((place - origin) / grid.step)), 0, size - 1);
@@ -100,28 +101,36 @@ int best_octave(const Octaves& octaves, const std::vector<Map>& maps, const Corn
     return best;
 }
 
+Keypoint with_size_and_angle(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
+                             const DetectorOptions& options) {
+    const int octave = best_octave(octaves, maps, corner, options.response.coarse_weight);
+    const float size = kSizePerWindow * options.response.window_sigma * octaves.grid(octave).step;
+    float angle = 0.0f;
+    if (options.oriented) {
+        const int above = std::min(octave + 1, octaves.count() - 1);
+        const OctaveGrid& grid = octaves.grid(above);
+        angle = kDegreesPerRadian * octaves.centroid_angle(above, (corner.x - grid.origin_x) / grid.step,
+                                                           (corner.y - grid.origin_y) / grid.step);
+    }
+    if (angle >= 360.0f) angle = 0.0f;  // just below 2 pi may round up
+    return {corner.x, corner.y, size, angle, corner.response, octave};
+}
+
 }  // namespace
 
 std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mask,
                                      const std::vector<float>& table, const DetectorOptions& options) {
     const RowKernels& kernels = row_kernels(options.isa);
-    const Octaves octaves(image, table, options.scales, kernels, options.threads);
+    // One octave more than scales: directions come from the octave above a corner's.
+    const Octaves octaves(image, table, options.scales + 1, kernels, options.threads);
     if (octaves.count() == 0) return {};
     const std::vector<Map> maps = coarse_maps(octaves, options, kernels);
     std::vector<Corner> corners = all_corners(octaves, maps, options, kernels);
     drop_masked(corners, mask);
     corners = choose(std::move(corners), options, image.width);
     std::vector<Keypoint> keypoints;
-    for (const Corner& c : corners) {
-        const int octave = best_octave(octaves, maps, c, options.response.coarse_weight);
-        const OctaveGrid& grid = octaves.grid(octave);
-        const float size = kSizePerWindow * options.response.window_sigma * grid.step;
-        const float angle = options.oriented
-                                ? octaves.centroid_angle(octave, (c.x - grid.origin_x) / grid.step,
-                                                         (c.y - grid.origin_y) / grid.step)
-                                : 0.0f;
-        keypoints.push_back({c.x, c.y, size, angle * kDegreesPerRadian, c.response, octave});
-    }
+    for (const Corner& corner : corners)
+        keypoints.push_back(with_size_and_angle(octaves, maps, corner, options));
     return keypoints;
 }
 

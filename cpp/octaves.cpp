@@ -10,8 +10,9 @@ namespace {
 
 constexpr int kSmallestSide = 24;
 constexpr int kBandRows = 64;
-constexpr int kDiscRadius = 7;
-constexpr int kDiscReach[kDiscRadius + 1] = {7, 7, 7, 6, 6, 5, 4, 2};  // half widths of the rows of the disc
+constexpr int kPatchRadius = 7;
+constexpr float kPatchWeights[kPatchRadius + 1] = {1.0f,    0.9460f, 0.8007f, 0.6065f,
+                                                   0.4111f, 0.2494f, 0.1353f, 0.0657f};  // sigma 3
 
 template <class Pixel>
 void transfer(const char* row, std::ptrdiff_t step, int n, const float* table, float* out) {
@@ -83,34 +84,31 @@ float Octaves::value(int octave, int x, int y) const {
     return out;
 }
 
-void Octaves::read_disc_row(int octave, int x, int y, int reach, float* out) const {
+void Octaves::read_patch_row(int octave, int x, int y, float* out) const {
     const OctaveGrid& grid = grids_[octave];
-    const bool inside = x >= reach && x + reach < grid.width && y >= 0 && y < grid.height;
-    if (inside && octave == 0) {
-        const char* pixels = static_cast<const char*>(image_.data) + y * image_.row_stride;
-        transfer_pixels(pixels + (x - reach) * image_.column_stride, 2 * reach + 1, out);
-    } else if (inside) {
-        std::copy_n(planes_[octave].data() + static_cast<std::size_t>(y) * grid.width + x - reach,
-                    2 * reach + 1, out);
+    const bool inside = x >= kPatchRadius && x + kPatchRadius < grid.width && y >= 0 && y < grid.height;
+    if (inside && octave > 0) {
+        std::copy_n(row(octave, y) + x - kPatchRadius, 2 * kPatchRadius + 1, out);
     } else {
-        for (int i = -reach; i <= reach; ++i) out[i + reach] = value(octave, x + i, y);
+        for (int i = -kPatchRadius; i <= kPatchRadius; ++i) out[i + kPatchRadius] = value(octave, x + i, y);
     }
 }
 
 float Octaves::centroid_angle(int octave, float x, float y) const {
     const int cx = static_cast<int>(std::lround(x)), cy = static_cast<int>(std::lround(y));
     float mx = 0.0f, my = 0.0f;
-    for (int j = -kDiscRadius; j <= kDiscRadius; ++j) {
-        const int reach = kDiscReach[std::abs(j)];
-        float row[2 * kDiscRadius + 1];
-        read_disc_row(octave, cx, cy + j, reach, row);
-        const float* centre = row + reach;
-        float sum = centre[0];
-        for (int i = 1; i <= reach; ++i) {
-            mx += i * (centre[i] - centre[-i]);
-            sum += centre[i] + centre[-i];
+    for (int j = -kPatchRadius; j <= kPatchRadius; ++j) {
+        float patch[2 * kPatchRadius + 1];
+        read_patch_row(octave, cx, cy + j, patch);
+        const float* centre = patch + kPatchRadius;
+        const float weight = kPatchWeights[std::abs(j)];
+        float sum = centre[0], moment = 0.0f;
+        for (int i = 1; i <= kPatchRadius; ++i) {
+            moment += i * kPatchWeights[i] * (centre[i] - centre[-i]);
+            sum += kPatchWeights[i] * (centre[i] + centre[-i]);
         }
-        my += j * sum;
+        mx += weight * moment;
+        my += weight * j * sum;
     }
     const float angle = std::atan2(my, mx);
     return angle < 0.0f ? angle + 2.0f * static_cast<float>(M_PI) : angle;

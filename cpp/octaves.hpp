@@ -41,14 +41,14 @@ class Octaves {
     const float* row(int octave, int y) const {
         return planes_[octave].data() + static_cast<std::size_t>(y) * grids_[octave].width;
     }
-    // Direction from a point to the centroid of the values in a disc of radius 7 round it, radians in
+    // Direction from a point to the centroid of the values round it under a Gaussian of sigma 3, radians in
     // [0, 2 pi); the point in pixels of the octave.
     float centroid_angle(int octave, float x, float y) const;
 
  private:
     void build(int octave, int threads);
     void transfer_pixels(const char* first, int n, float* out) const;
-    void read_disc_row(int octave, int x, int y, int reach, float* out) const;
+    void read_patch_row(int octave, int x, int y, float* out) const;
     float value(int octave, int x, int y) const;
 
     ImageView image_;
