@@ -15,8 +15,8 @@ class SlamConfig:
         Corners sought in a frame, over all views.
     seam_margin : float
         Pixels to stay away from seams between views.
-    points_per_view : int
-        Map points measured in one view of a frame, at most.
+    measured_points : int
+        Map points measured in a frame, at most; every view has an equal share.
     min_inliers : int
         Measurements below which a frame has no pose.
     min_correlation : float
@@ -51,7 +51,7 @@ class SlamConfig:
 
     features: int = 1200
     seam_margin: float = 8.0
-    points_per_view: int = 250
+    measured_points: int = 800
     min_inliers: int = 15
     min_correlation: float = 0.8
     max_shift: float = 8.0
@@ -63,7 +63,7 @@ class SlamConfig:
     min_parallax: float = 0.01
     keyframe_parallax: float = 0.08
     keyframe_angle: float = 0.2
-    keyframe_overlap: float = 0.75
+    keyframe_overlap: float = 0.65
     window: int = 10
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02

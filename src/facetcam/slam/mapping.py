@@ -72,11 +72,14 @@ class Mapper:
         return keyframe
 
     def _occupy(self, keyframe: Keyframe) -> None:
-        """Corners beside an observed map point make no second one."""
+        """Corners beside a map point, seen or expected, make no second one."""
         from scipy.spatial import cKDTree
 
-        if len(keyframe.observations) and len(keyframe.corners):
-            distance, _ = cKDTree(keyframe.observations.pixels).query(keyframe.corners.pixels)
+        known = self._map.observed_points(self.window)
+        expected = predict(self._map.points, known, keyframe.T_world_rig, self._optics)
+        taken = np.concatenate([keyframe.observations.pixels, expected.pixels])
+        if len(taken) and len(keyframe.corners):
+            distance, _ = cKDTree(taken).query(keyframe.corners.pixels)
             keyframe.free &= distance > _OCCUPIED
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:

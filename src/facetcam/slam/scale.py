@@ -13,6 +13,9 @@ from facetcam.slam.pose import linearise
 
 Array = NDArray[np.float64]
 
+_NULL = 1e-10  # information below this share of the largest is rounding
+_NULL_SHARE = 1e-4
+
 
 def scale_sigma(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
     """Relative standard deviation of the map's scale from the information in its reprojections.
@@ -36,8 +39,10 @@ def scale_sigma(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
     direction = scale.ravel() / np.sum(scale**2)
     values, vectors = np.linalg.eigh(S)
     along = vectors.T @ direction
-    floor = 1e-9 * max(float(values[-1]), 1e-12)
-    sigma = float(np.sqrt(np.sum(along**2 / np.maximum(values, floor))))
+    known = values > _NULL * values[-1]
+    if np.sum(along[~known] ** 2) > _NULL_SHARE * np.sum(along**2):
+        return np.inf
+    sigma = float(np.sqrt(np.sum(along[known] ** 2 / values[known])))
     return sigma if sigma < 1.0 else np.inf
 
 

@@ -153,7 +153,7 @@ class Slam:
         """Pose from map points whose patches are aligned near their predictions."""
         points, config = self._map.points, self.config
         expected = predict(points, self._local_points(predicted), predicted, self._optics)
-        expected = thin(expected, points, config.points_per_view)
+        expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, _ = measure(frame, expected, points, self._optics, config)
         if len(seen) < config.min_inliers:
             return None
