@@ -16,29 +16,32 @@ using Patches = nb::ndarray<const std::uint8_t, nb::ndim<3>, nb::c_contig, nb::d
 template <int Dimensions>
 using Floats = nb::ndarray<const float, nb::ndim<Dimensions>, nb::c_contig, nb::device::cpu>;
 
-facetcam::Grey8 grey(const Image &image) {
+facetcam::Grey8 grey(const Image& image) {
     if (image.stride(1) != 1) throw nb::value_error("align_patches: rows of the image must be contiguous");
-    return {image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)), image.stride(0)};
+    return {image.data(), static_cast<int>(image.shape(1)), static_cast<int>(image.shape(0)),
+            image.stride(0)};
 }
 
-auto align_patches(const Image &full, const Image &half, const Patches &patches, const Floats<2> &offsets,
-                   const Floats<3> &warps, const Floats<2> &start, float max_shift, int max_iterations) {
+auto align_patches(const Image& full, const Image& half, const Patches& patches, const Floats<2>& offsets,
+                   const Floats<3>& warps, const Floats<2>& start, float max_shift, int max_iterations) {
     const std::size_t n = patches.shape(0);
     if (patches.shape(1) != patches.shape(2) || offsets.shape(0) != n || warps.shape(0) != n ||
         start.shape(0) != n || offsets.shape(1) != 2 || start.shape(1) != 2 || warps.shape(1) != 2 ||
         warps.shape(2) != 2)
-        throw nb::value_error("align_patches: expected patches (N,P,P), offsets (N,2), warps (N,2,2), start (N,2)");
+        throw nb::value_error(
+            "align_patches: expected patches (N,P,P), offsets (N,2), warps (N,2,2), start (N,2)");
     const facetcam::Grey8 level0 = grey(full), level1 = grey(half);
     const int size = static_cast<int>(patches.shape(1));
-    float *out = new float[n * 4];
-    nb::capsule owner(out, [](void *p) noexcept { delete[] static_cast<float *>(p); });
+    float* out = new float[n * 4];
+    nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });
     {
         nb::gil_scoped_release release;
         for (std::size_t i = 0; i < n; ++i) {
-            facetcam::Reference reference{patches.data() + i * size * size, size, offsets(i, 0), offsets(i, 1), {}};
+            facetcam::Reference reference{
+                patches.data() + i * size * size, size, offsets(i, 0), offsets(i, 1), {}};
             for (int k = 0; k < 4; ++k) reference.warp[k] = warps(i, k / 2, k % 2);
-            const facetcam::Alignment a = facetcam::align_patch(level0, level1, reference, start(i, 0), start(i, 1),
-                                                                max_shift, max_iterations);
+            const facetcam::Alignment a = facetcam::align_patch(level0, level1, reference, start(i, 0),
+                                                                start(i, 1), max_shift, max_iterations);
             out[4 * i] = a.x;
             out[4 * i + 1] = a.y;
             out[4 * i + 2] = a.score;
@@ -48,10 +51,11 @@ auto align_patches(const Image &full, const Image &half, const Patches &patches,
     return nb::ndarray<nb::numpy, float, nb::ndim<2>>(out, {n, 4}, owner);
 }
 
-} // namespace
+}  // namespace
 
-void facetcam::bind_patch(nb::module_ &m) {
-    m.def("align_patches", &align_patches, "full"_a.noconvert(), "half"_a.noconvert(), "patches"_a.noconvert(),
-          "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(), "max_shift"_a, "max_iterations"_a,
+void facetcam::bind_patch(nb::module_& m) {
+    m.def("align_patches", &align_patches, "full"_a.noconvert(), "half"_a.noconvert(),
+          "patches"_a.noconvert(), "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(),
+          "max_shift"_a, "max_iterations"_a,
           "Positions, correlation and spread (N, 4) of patches found in an image.");
 }

@@ -10,36 +10,39 @@ namespace {
 constexpr int kRadius = 5;
 constexpr int kSide = 2 * kRadius + 1;
 constexpr int kPixels = kSide * kSide;
-constexpr int kPaddedSide = kSide + 2; // one more ring for the gradient
-constexpr float kConverged = 0.01f;    // px
-constexpr float kFlat = 1.0f;          // grey levels of contrast below which nothing can be matched
+constexpr int kPaddedSide = kSide + 2;  // one more ring for the gradient
+constexpr float kConverged = 0.01f;     // px
+constexpr float kFlat = 1.0f;           // grey levels of contrast below which nothing can be matched
 
 using Window = std::array<float, kPixels>;
 
 struct Template {
-    Window value; // zero mean
+    Window value;  // zero mean
     Window dx, dy;
-    float contrast;      // root of the summed squares of `value`
-    float hxx, hxy, hyy; // Gauss-Newton matrix of the gradients
+    float contrast;       // root of the summed squares of `value`
+    float hxx, hxy, hyy;  // Gauss-Newton matrix of the gradients
+    float dx_value, dy_value;
 };
 
-bool sample(const std::uint8_t *data, std::ptrdiff_t stride, int width, int height, float x, float y, float &out) {
+bool sample(const std::uint8_t* data, std::ptrdiff_t stride, int width, int height, float x, float y,
+            float& out) {
     const float fx = std::floor(x), fy = std::floor(y);
     const int ix = static_cast<int>(fx), iy = static_cast<int>(fy);
     if (ix < 0 || iy < 0 || ix + 1 >= width || iy + 1 >= height) return false;
     const float a = x - fx, b = y - fy;
-    const std::uint8_t *p = data + iy * stride + ix;
+    const std::uint8_t* p = data + iy * stride + ix;
     out = (1 - b) * ((1 - a) * p[0] + a * p[1]) + b * ((1 - a) * p[stride] + a * p[stride + 1]);
     return true;
 }
 
 // Mean of the patch over the footprint of one image pixel, so that a shrinking warp does not alias.
-bool sample_footprint(const Reference &r, float scale, int taps, float u, float v, float &out) {
+bool sample_footprint(const Reference& r, float scale, int taps, float u, float v, float& out) {
     const float centre = static_cast<float>(r.size / 2);
     float sum = 0;
     for (int j = 0; j < taps; ++j)
         for (int i = 0; i < taps; ++i) {
-            const float du = scale * (u + (i + 0.5f) / taps - 0.5f), dv = scale * (v + (j + 0.5f) / taps - 0.5f);
+            const float du = scale * (u + (i + 0.5f) / taps - 0.5f),
+                        dv = scale * (v + (j + 0.5f) / taps - 0.5f);
             const float x = centre + r.offset_x + r.warp[0] * du + r.warp[1] * dv;
             const float y = centre + r.offset_y + r.warp[2] * du + r.warp[3] * dv;
             float value;
@@ -50,21 +53,29 @@ bool sample_footprint(const Reference &r, float scale, int taps, float u, float 
     return true;
 }
 
-float remove_mean(Window &w) {
-    float mean = 0;
-    for (float value : w) mean += value;
-    mean /= kPixels;
-    float squares = 0;
-    for (float &value : w) {
-        value -= mean;
-        squares += value * value;
+float dot(const Window& a, const Window& b) {
+    float sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (int i = 0; i < kPixels; ++i) sum += a[i] * b[i];
+    return sum;
+}
+
+// Brings a window to zero mean and returns its contrast.
+float remove_mean(Window& w) {
+    float sum = 0, squares = 0;
+#pragma omp simd reduction(+ : sum)
+    for (int i = 0; i < kPixels; ++i) sum += w[i];
+    const float mean = sum / kPixels;
+#pragma omp simd reduction(+ : squares)
+    for (int i = 0; i < kPixels; ++i) {
+        w[i] -= mean;
+        squares += w[i] * w[i];
     }
     return std::sqrt(squares);
 }
 
-bool make_template(const Reference &r, float scale, Template &t) {
-    const float stretch =
-        scale * std::sqrt(std::abs(r.warp[0] * r.warp[3] - r.warp[1] * r.warp[2]));
+bool make_template(const Reference& r, float scale, Template& t) {
+    const float stretch = scale * std::sqrt(std::abs(r.warp[0] * r.warp[3] - r.warp[1] * r.warp[2]));
     if (!(stretch > 0.05f)) return false;
     const int taps = std::clamp(static_cast<int>(std::lround(stretch)), 1, 4);
     std::array<float, kPaddedSide * kPaddedSide> padded;
@@ -75,32 +86,31 @@ bool make_template(const Reference &r, float scale, Template &t) {
                 return false;
     for (int v = 0; v < kSide; ++v)
         for (int u = 0; u < kSide; ++u) {
-            const float *p = &padded[(v + 1) * kPaddedSide + u + 1];
+            const float* p = &padded[(v + 1) * kPaddedSide + u + 1];
             t.value[v * kSide + u] = p[0];
             t.dx[v * kSide + u] = 0.5f * (p[1] - p[-1]);
             t.dy[v * kSide + u] = 0.5f * (p[kPaddedSide] - p[-kPaddedSide]);
         }
     t.contrast = remove_mean(t.value);
-    remove_mean(t.dx); // a bias in the light then leaves the step unchanged
+    remove_mean(t.dx);  // a bias in the light then leaves the step unchanged
     remove_mean(t.dy);
-    t.hxx = t.hxy = t.hyy = 0;
-    for (int i = 0; i < kPixels; ++i) {
-        t.hxx += t.dx[i] * t.dx[i];
-        t.hxy += t.dx[i] * t.dy[i];
-        t.hyy += t.dy[i] * t.dy[i];
-    }
+    t.hxx = dot(t.dx, t.dx);
+    t.hxy = dot(t.dx, t.dy);
+    t.hyy = dot(t.dy, t.dy);
+    t.dx_value = dot(t.dx, t.value);
+    t.dy_value = dot(t.dy, t.value);
     return t.contrast > kFlat && t.hxx * t.hyy - t.hxy * t.hxy > 1e-3f;
 }
 
-bool read_window(const Grey8 &image, float x, float y, Window &w) {
+bool read_window(const Grey8& image, float x, float y, Window& w) {
     const float left = x - kRadius, top = y - kRadius;
     const float fx = std::floor(left), fy = std::floor(top);
     if (!(fx >= 0 && fy >= 0 && fx + kSide < image.width && fy + kSide < image.height)) return false;
     const float a = left - fx, b = top - fy;
     const float w00 = (1 - a) * (1 - b), w10 = a * (1 - b), w01 = (1 - a) * b, w11 = a * b;
-    const std::uint8_t *row = image.data + static_cast<int>(fy) * image.stride + static_cast<int>(fx);
+    const std::uint8_t* row = image.data + static_cast<int>(fy) * image.stride + static_cast<int>(fx);
     for (int v = 0; v < kSide; ++v, row += image.stride) {
-        const std::uint8_t *next = row + image.stride;
+        const std::uint8_t* next = row + image.stride;
         for (int u = 0; u < kSide; ++u)
             w[v * kSide + u] = w00 * row[u] + w10 * row[u + 1] + w01 * next[u] + w11 * next[u + 1];
     }
@@ -108,7 +118,7 @@ bool read_window(const Grey8 &image, float x, float y, Window &w) {
 }
 
 // Moves (x, y) to the template; returns the correlation there, or -1.
-float track(const Grey8 &image, const Template &t, float max_shift, int max_iterations, float &x, float &y) {
+float track(const Grey8& image, const Template& t, float max_shift, int max_iterations, float& x, float& y) {
     const float determinant = t.hxx * t.hyy - t.hxy * t.hxy;
     const float x0 = x, y0 = y;
     Window w;
@@ -117,12 +127,8 @@ float track(const Grey8 &image, const Template &t, float max_shift, int max_iter
         const float contrast = remove_mean(w);
         if (contrast < kFlat) return -1;
         const float gain = t.contrast / contrast;
-        float bx = 0, by = 0;
-        for (int i = 0; i < kPixels; ++i) {
-            const float error = gain * w[i] - t.value[i];
-            bx += t.dx[i] * error;
-            by += t.dy[i] * error;
-        }
+        const float bx = gain * dot(t.dx, w) - t.dx_value;
+        const float by = gain * dot(t.dy, w) - t.dy_value;
         const float step_x = (t.hyy * bx - t.hxy * by) / determinant;
         const float step_y = (t.hxx * by - t.hxy * bx) / determinant;
         x -= step_x;
@@ -133,14 +139,12 @@ float track(const Grey8 &image, const Template &t, float max_shift, int max_iter
     if (!read_window(image, x, y, w)) return -1;
     const float contrast = remove_mean(w);
     if (contrast < kFlat) return -1;
-    float product = 0;
-    for (int i = 0; i < kPixels; ++i) product += w[i] * t.value[i];
-    return product / (contrast * t.contrast);
+    return dot(w, t.value) / (contrast * t.contrast);
 }
 
-} // namespace
+}  // namespace
 
-Alignment align_patch(const Grey8 &full, const Grey8 &half, const Reference &reference, float x, float y,
+Alignment align_patch(const Grey8& full, const Grey8& half, const Reference& reference, float x, float y,
                       float max_shift, int max_iterations) {
     const Alignment failed{x, y, -1.0f, 0.0f};
     Template t;
@@ -161,4 +165,4 @@ Alignment align_patch(const Grey8 &full, const Grey8 &half, const Reference &ref
     return found;
 }
 
-} // namespace facetcam
+}  // namespace facetcam

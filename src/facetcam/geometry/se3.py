@@ -71,9 +71,12 @@ def orthonormalized(T: Array) -> Array:
 
 def skew(v: Array) -> Array:
     """Cross-product matrices (..., 3, 3) of vectors (..., 3)."""
-    x, y, z = np.moveaxis(np.asarray(v), -1, 0)
-    o = np.zeros_like(x)
-    return np.stack([np.stack([o, -z, y], -1), np.stack([z, o, -x], -1), np.stack([-y, x, o], -1)], -2)
+    v = np.asarray(v, dtype=np.float64)
+    out = np.zeros((*v.shape, 3))
+    out[..., 2, 1] = v[..., 0]
+    out[..., 0, 2] = v[..., 1]
+    out[..., 1, 0] = v[..., 2]
+    return out - np.swapaxes(out, -1, -2)
 
 
 def _left_jacobian(phi: Array) -> Array:

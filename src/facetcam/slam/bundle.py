@@ -55,7 +55,9 @@ class Bundle:
     motions: list[RelativePose] = field(default_factory=list)
 
 
-def adjust(bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: int) -> tuple[Array, Array]:
+def adjust(
+    bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: int, tolerance: float
+) -> tuple[Array, Array]:
     """Minimise the Cauchy-weighted reprojection error over free poses and all points.
 
     Parameters
@@ -63,6 +65,8 @@ def adjust(bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: in
     loss_scale : float
         Residual in pixels beyond which the Cauchy loss flattens.
     max_iterations : int
+    tolerance : float
+        Relative change of the cost at which to stop.
 
     Returns
     -------
@@ -77,18 +81,18 @@ def adjust(bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: in
     _add_reprojections(problem, bundle, optics, poses, list(points), pyceres.CauchyLoss(loss_scale))
     _add_motions(problem, bundle, poses)
     _tie_poses(problem, bundle, poses, pyceres)
-    pyceres.solve(_solver_options(max_iterations, pyceres), problem, pyceres.SolverSummary())
+    pyceres.solve(_solver_options(max_iterations, tolerance, pyceres), problem, pyceres.SolverSummary())
     T_world_rig = bundle.T_world_rig.copy()
     for k in np.flatnonzero(~bundle.fixed):
         T_world_rig[k] = se3.inverse(se3.from_quaternion_xyzw(poses[k][:4], poses[k][4:]))
     return T_world_rig, points
 
 
-def _solver_options(max_iterations: int, pyceres: Any) -> Any:
+def _solver_options(max_iterations: int, tolerance: float, pyceres: Any) -> Any:
     options = pyceres.SolverOptions()
     options.linear_solver_type = pyceres.LinearSolverType.SPARSE_SCHUR
     options.max_num_iterations = max_iterations
-    options.function_tolerance = 1e-4
+    options.function_tolerance = tolerance
     options.logging_type = pyceres.LoggingType.SILENT
     # One thread: the sums are then made in one order, and every run gives the same result.
     options.num_threads = 1

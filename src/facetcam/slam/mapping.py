@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _OCCUPIED = 5.0  # px round an observed point in which no new one is made
-_LOCAL_ITERATIONS = 8
-_GLOBAL_ITERATIONS = 20
+_LOCAL_STOP = (8, 1e-4)  # iterations, relative change of the cost
+_GLOBAL_STOP = (30, 1e-6)  # the scale of a map converges slowly
 _PARTNERS = 4  # keyframes against which a new one is triangulated
 _MAX_FIXED = 10
 
@@ -150,13 +150,13 @@ class Mapper:
         shared = [int(np.isin(k.observations.point, ids).sum()) for k in self._map.keyframes[: -len(window)]]
         anchors = [self._map.keyframes[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]]
         anchors.sort(key=lambda k: k.index)
-        self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_ITERATIONS)
+        self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_STOP)
 
     def adjust_all(self) -> None:
         """Adjust every keyframe and point, the first keyframe held."""
         if len(self._map.keyframes) > 1:
             everything = self._map.observed_points(self._map.keyframes)
-            self._adjust(self._map.keyframes, 1, everything, _GLOBAL_ITERATIONS)
+            self._adjust(self._map.keyframes, 1, everything, _GLOBAL_STOP)
 
     def whole_bundle(self) -> Bundle | None:
         """All keyframes and points as one problem, or None before there are any."""
@@ -164,11 +164,11 @@ class Mapper:
         ids = self._map.observed_points(keyframes)
         return self._bundle(keyframes, 1, ids) if len(ids) else None
 
-    def _adjust(self, keyframes: list[Keyframe], n_fixed: int, ids: Index, iterations: int) -> None:
+    def _adjust(self, keyframes: list[Keyframe], n_fixed: int, ids: Index, stop: tuple[int, float]) -> None:
         bundle = self._bundle(keyframes, n_fixed, ids)
         if len(bundle.points) == 0:
             return
-        poses, xyz = adjust(bundle, self._optics, 2.0 * self._config.pixel_sigma, iterations)
+        poses, xyz = adjust(bundle, self._optics, 2.0 * self._config.pixel_sigma, *stop)
         used = self._used
         self._map.points.xyz[used] = xyz
         for keyframe, T in zip(keyframes, poses):
