@@ -17,7 +17,7 @@ _FAR = 1 << 14  # a Hamming distance that never matches
 
 
 def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, optics: Optics) -> Array:
-    """Sampson distance in pixels of points seen in one view at two rig poses.
+    """Signed Sampson distance in pixels of points seen in one view at two rig poses.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, opti
     a, b = (np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b))
     line_b, line_a = a @ E.T, b @ E
     slope2 = line_a[..., 0] ** 2 + line_a[..., 1] ** 2 + line_b[..., 0] ** 2 + line_b[..., 1] ** 2
-    return optics.focal * np.abs(np.sum(b * line_b, axis=-1)) / np.sqrt(np.maximum(slope2, 1e-20))
+    return optics.focal * np.sum(b * line_b, axis=-1) / np.sqrt(np.maximum(slope2, 1e-20))
 
 
 def match_along_epipolars(
@@ -51,7 +51,7 @@ def match_along_epipolars(
             continue
         distance = _hamming(a.descriptors[in_a], b.descriptors[in_b])
         error = epipolar_error(a.plane[in_a][:, None], b.plane[in_b][None], view, T_a_b, optics)
-        distance[error > gate] = _FAR
+        distance[np.abs(error) > gate] = _FAR
         best_a, best_b = _mutual_best(distance, config)
         pairs.append((in_a[best_a], in_b[best_b]))
     if not pairs:

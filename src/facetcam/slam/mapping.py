@@ -22,6 +22,7 @@ Index = NDArray[np.int64]
 _OCCUPIED = 5.0  # px round an observed point in which no new one is made
 _LOCAL_STOP = (8, 1e-4)  # iterations, relative change of the cost
 _GLOBAL_STOP = (30, 1e-6)  # the scale of a map converges slowly
+_SCALE_HOLD = 0.3
 _PARTNERS = 4  # keyframes against which a new one is triangulated
 _MAX_FIXED = 10
 
@@ -169,11 +170,12 @@ class Mapper:
         if len(bundle.points) == 0:
             return
         poses, xyz = adjust(bundle, self._optics, 2.0 * self._config.pixel_sigma, *stop)
-        used = self._used
-        self._map.points.xyz[used] = xyz
-        for keyframe, T in zip(keyframes, poses):
+        growth = _growth(bundle, poses, xyz)
+        self._map.points.xyz[self._used] = xyz
+        for keyframe, T, factor in zip(keyframes, poses, growth):
             keyframe.T_world_rig = T
-        self._cull(keyframes, used)
+            keyframe.scale *= factor
+        self._cull(keyframes, self._used)
 
     def _bundle(self, keyframes: list[Keyframe], n_fixed: int, ids: Index) -> Bundle:
         rows = [np.isin(k.observations.point, ids) for k in keyframes]
@@ -192,8 +194,8 @@ class Mapper:
         )
 
     def _motions(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
-        """Odometry between neighbours in time."""
-        motions = []
+        """Odometry between neighbours in time, and a loose hold on a scale that nothing else may hold."""
+        motions = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
         for j in range(max(1, n_fixed), len(keyframes)):
             a, b = keyframes[j - 1], keyframes[j]
             if b.index == a.index + 1 and a.odometry is not None and b.odometry is not None:
@@ -219,3 +221,25 @@ class Mapper:
     def _forget_images(self) -> None:
         for keyframe in self._map.keyframes[: -self._config.window]:
             keyframe.frame = None
+
+
+def _hold_scale(keyframes: list[Keyframe]) -> RelativePose:
+    """Keep the distance of the two ends to its present value within `_SCALE_HOLD`.
+
+    Where the views determine the scale this is far too loose to matter; where they do not, the scale would
+    run away.
+    """
+    T = se3.inverse(keyframes[0].T_world_rig) @ keyframes[-1].T_world_rig
+    sigma = _SCALE_HOLD * max(float(np.linalg.norm(T[:3, 3])), 1e-3)
+    return RelativePose(0, len(keyframes) - 1, T, np.diag([1.0, 1.0, 1.0, *(3 * [sigma**2])]))
+
+
+def _growth(bundle: Bundle, T_world_rig: Array, points: Array) -> Array:
+    """Factor (K,) by which an adjustment moved the points away from each keyframe, at the median."""
+    before, after = (
+        np.linalg.norm(xyz[bundle.point] - T[bundle.frame, :3, 3], axis=1)
+        for xyz, T in ((bundle.points, bundle.T_world_rig), (points, T_world_rig))
+    )
+    ratio = after / np.maximum(before, 1e-9)
+    rows = [ratio[bundle.frame == k] for k in range(len(T_world_rig))]
+    return np.array([np.median(r) if len(r) else 1.0 for r in rows])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from facetcam.features import match_windowed
 from facetcam.geometry import se3
@@ -21,10 +22,12 @@ Index = NDArray[np.int64]
 MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _SEARCH = 0.3  # of the frame's width
-_START_PARALLAX = 0.015  # radians
-_UNKNOWN_DEPTH = 2.0  # metres: the median depth of a scene whose scale the images cannot tell
+_START_PARALLAX = 0.02  # radians
+_UNKNOWN_DEPTH = 3.0  # metres: the median depth of a scene whose scale the images cannot tell
 _LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_GATE = 2.0  # px
+_EPIPOLAR_SIGMA = 0.5  # px
+_LENGTH_PRIOR = 1.0
 _FITTING = 0.45  # share of the matches that the right motion explains
 _MIN_VIEW_MATCHES = 20
 
@@ -46,7 +49,7 @@ class Pairs:
         return len(self.views)
 
     def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
-        """Sampson distances (N,) in pixels from a motion of the rig."""
+        """Signed Sampson distances (N,) in pixels from a motion of the rig."""
         error = np.empty(len(self))
         for view in np.unique(self.views):
             rows = self.views == view
@@ -65,7 +68,7 @@ class Pairs:
     def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> int:
         """Pairs that fit a motion, lie in front of the views and have parallax."""
         distance, angle = self.parallax(T_a_b, optics)
-        fits = self.epipolar_errors(T_a_b, optics) < gate
+        fits = np.abs(self.epipolar_errors(T_a_b, optics)) < gate
         return int(np.sum(fits & (distance > 0) & (angle > _START_PARALLAX)))
 
 
@@ -105,12 +108,28 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
         proposal = _view_motion(pairs, int(view), optics)
         if proposal is not None:
             T = _with_length(proposal, int(view), pairs, optics)
-            fits = int(np.sum(pairs.epipolar_errors(T, optics) < _EPIPOLAR_GATE))
+            fits = int(np.sum(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE))
             if fits > most:
                 best, most = T, fits
-    if best is None or most < _FITTING * len(pairs):
+    if best is None:
         return None
-    return best if pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES else None
+    best = _polished(best, pairs, optics)
+    fits = np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE
+    enough = fits.mean() > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
+    return best if enough else None
+
+
+def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
+    """Least epipolar errors of all views together, length included as far as the pairs determine it."""
+    length = float(np.linalg.norm(T_a_b[:3, 3]))
+
+    def residuals(twist: Array) -> Array:
+        T = T_a_b @ se3.exp(twist)
+        stretch = np.log(max(float(np.linalg.norm(T[:3, 3])), 1e-9) / length)
+        return np.append(pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch)
+
+    solution = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=_EPIPOLAR_SIGMA, max_nfev=30)
+    return T_a_b @ se3.exp(solution.x)
 
 
 def _view_motion(pairs: Pairs, view: int, optics: Optics) -> Array | None:
@@ -149,7 +168,7 @@ def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Arra
     best, best_cost = rig_motion(usual), np.inf
     for factor in sorted(_LENGTHS, key=lambda s: abs(float(np.log(s)))):
         T = rig_motion(usual * factor)
-        cost = float(np.minimum(pairs.epipolar_errors(T, optics), _EPIPOLAR_GATE).mean())
+        cost = float(np.minimum(np.abs(pairs.epipolar_errors(T, optics)), _EPIPOLAR_GATE).mean())
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost
     return best

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 _NEAR_KEYFRAMES = 10
 _MAX_WAITING = 40
+_FIRST_GLOBAL = 5  # keyframes
+_GLOBAL_GROWTH = 1.5
 _IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
 
 
@@ -41,6 +43,13 @@ class _Tracked:
     timestamp: float
     keyframe: Keyframe
     T_keyframe_rig: Array
+    scale: float  # of the keyframe at that time
+
+    @property
+    def T_world_rig(self) -> Array:
+        T = self.T_keyframe_rig.copy()
+        T[:3, 3] *= self.keyframe.scale / self.scale
+        return self.keyframe.T_world_rig @ T
 
 
 @dataclass(slots=True)
@@ -87,6 +96,7 @@ class Slam:
         self._lost = False
         self._frames_since_keyframe = 0
         self._keyframe_inliers = 0
+        self._next_global = _FIRST_GLOBAL
 
     def track(self, image: NDArray[np.generic], timestamp: float, odometry: ArrayLike | None = None) -> State:
         """Take one raw frame and tell where the rig is.
@@ -220,7 +230,8 @@ class Slam:
 
     def _remember(self, timestamp: float, T_world_rig: Array) -> None:
         keyframe = self._map.keyframes[-1]
-        self._tracked.append(_Tracked(timestamp, keyframe, se3.inverse(keyframe.T_world_rig) @ T_world_rig))
+        T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
+        self._tracked.append(_Tracked(timestamp, keyframe, T, keyframe.scale))
 
     def _wants_keyframe(self, fix: _Fix) -> bool:
         """New views need points: after enough motion against the depth, a turn, or lost measurements."""
@@ -237,10 +248,23 @@ class Slam:
         self, frame: Frame, T_world_rig: Array, seen: Measurements, odometry: Array | None, gate: float
     ) -> Keyframe:
         keyframe = self._mapper.insert(frame, T_world_rig, seen, odometry, gate)
+        if len(self._map.keyframes) >= self._next_global:
+            self._adjust_all()
         self._T_world_rig = keyframe.T_world_rig
         self._frames_since_keyframe = 0
         self._keyframe_inliers = len(keyframe.observations)
         return keyframe
+
+    def _adjust_all(self) -> None:
+        """Adjust the whole map, since a window freezes the scale of its past, and judge the scale.
+
+        It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
+        """
+        self._mapper.adjust_all()
+        bundle = self._mapper.whole_bundle()
+        if bundle is not None:
+            self.scale_sigma = scale_sigma(bundle, self._optics, self.config.pixel_sigma)
+        self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
     def _dead_reckon(self, frame: Frame, predicted: Array, odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
@@ -329,10 +353,7 @@ class Slam:
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale."""
         with self._timed("finish"):
-            self._mapper.adjust_all()
-            bundle = self._mapper.whole_bundle()
-            if bundle is not None:
-                self.scale_sigma = scale_sigma(bundle, self._optics, self.config.pixel_sigma)
+            self._adjust_all()
 
     @property
     def metric(self) -> bool:
@@ -351,7 +372,7 @@ class Slam:
     def trajectory(self) -> tuple[Array, Array]:
         """Timestamps (N,) and best current poses (N, 4, 4) of all frames that have one, in time order."""
         frames = sorted(self._tracked, key=lambda t: t.timestamp)
-        poses = [f.keyframe.T_world_rig @ f.T_keyframe_rig for f in frames]
+        poses = [f.T_world_rig for f in frames]
         return np.array([f.timestamp for f in frames]), np.array(poses).reshape(-1, 4, 4)
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
