@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from facetcam.rig import Rig, presets
-from facetcam.rig.tracing import NO_MIRROR, first_mirror, reflect
+from facetcam.rig.tracing import Tracer
 from facetcam.viz.palette import view_colour
 
+BOUNCES = 4
 OUTSIDE = 0.14  # metres a ray is drawn after its last mirror
 MILLIMETRES = 1000.0
 
@@ -21,15 +22,15 @@ MILLIMETRES = 1000.0
 def ray_path(rig: Rig, pixel: tuple[float, float]) -> NDArray[np.float64]:
     """The corner points (N, 3) of one camera ray, from the lens over every mirror it meets into the room."""
     mirrors = list(rig.mirrors.values())
-    origin = rig.T_rig_cam[None, :3, 3]
-    direction = rig.camera.ray(np.array([pixel])) @ rig.T_rig_cam[:3, :3].T
-    corners = [origin[0]]
-    bounce = first_mirror(mirrors, origin, direction)
-    while bounce.mirror[0] != NO_MIRROR:
-        origin, direction = reflect(mirrors[bounce.mirror[0]], origin, direction, bounce.distance)
-        corners.append(origin[0])
-        bounce = first_mirror(mirrors, origin, direction)
-    return np.array([*corners, origin[0] + OUTSIDE * direction[0]])
+    ray = rig.camera.ray([pixel])
+    paths = Tracer(mirrors, rig.T_rig_cam).trace(ray, BOUNCES)
+    corners, direction, travelled = [rig.T_rig_cam[:3, 3]], rig.T_rig_cam[:3, :3] @ ray[0], 0.0
+    for index, length in zip(paths.mirror[:, 0], paths.length[:, 0], strict=True):
+        if index < 0:
+            break
+        corners.append(corners[-1] + (length - travelled) * direction)
+        direction, travelled = mirrors[index].reflection[:3, :3] @ direction, length
+    return np.array([*corners, corners[-1] + OUTSIDE * direction])
 
 
 def draw_mirrors(axes: Axes, rig: Rig) -> None:
