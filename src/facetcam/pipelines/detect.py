@@ -14,7 +14,7 @@ from facetcam.features import SIICF, Keypoints
 from facetcam.io.frames import Frame
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.io.sources import open_source
-from facetcam.pipelines.progress import Progress, say_where, silent
+from facetcam.pipelines.progress import Progress, keeping, silent
 from facetcam.viz.pictures import draw_points
 
 PICTURE_WIDTH = 1600
@@ -50,15 +50,12 @@ def run_detect(
     corners: list[int] = []
     with open_source(source, timed=False) as images:
         folder = fresh_folder(out)
-        try:
+        with keeping(folder, lambda reason: None):  # each image is complete by itself
             for frame in images:
                 keypoints, descriptors = detector.detectAndCompute(frame.image)
                 write_corners(folder, frame, keypoints, descriptors)
                 corners.append(len(keypoints))
                 progress(len(corners), images.count)
-        except BaseException as error:
-            say_where(error, folder)
-            raise
         return Detections(tuple(corners), images.warnings)
 
 

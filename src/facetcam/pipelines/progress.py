@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from facetcam.errors import FacetcamError
@@ -24,13 +25,28 @@ def total_frames(count: int | None, max_frames: int | None) -> int | None:
     return min(known) if known else None
 
 
+@contextmanager
+def keeping(folder: Path, finish: Callable[[str], object]) -> Iterator[None]:
+    """However the block is cut short, Ctrl-C included: finish what is there and say where it is.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the results are.
+    finish : callable
+        Called with the reason in a few words.
+    """
+    try:
+        yield
+    except BaseException as error:
+        with suppress(Exception):  # the first error is the one to tell
+            finish(reason_of(error))
+        error.add_note(f"the results so far are in {folder}")
+        raise
+
+
 def reason_of(error: BaseException) -> str:
-    """Why a run was cut short, in a few words for its summary."""
+    """Why a run was cut short."""
     if isinstance(error, KeyboardInterrupt):
         return "stopped by the user"
     return str(error) if isinstance(error, FacetcamError) else f"{type(error).__name__}: {error}"
-
-
-def say_where(error: BaseException, folder: Path) -> None:
-    """Attach to an error where the results so far are."""
-    error.add_note(f"the results so far are in {folder}")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
-from facetcam.pipelines.progress import Progress, reason_of, say_where, silent, total_frames
+from facetcam.pipelines.progress import Progress, keeping, silent, total_frames
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.slam_results import SlamResults, write_results
 from facetcam.pipelines.summary import Summary
@@ -68,16 +67,14 @@ def track_film(
 ) -> SlamResults:
     """Do the work of `run_slam` on inputs that were read and checked."""
     slam = Slam(inputs.rig, inputs.config)
-    with inputs.source, SlamRecord(fresh_folder(out), inputs.rig.view_names) as record:
-        try:
-            for frame in islice(inputs.source, max_frames):
-                state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
-                record.add(frame, state)
-                progress(record.frames, total_frames(inputs.source.count, max_frames))
-            slam.finish()
-            return write_results(record, slam, inputs)
-        except BaseException as error:  # also Ctrl-C: what is there is worth keeping
-            with suppress(Exception):  # the first error is the one to tell
-                write_results(record, slam, inputs, interrupted=reason_of(error))
-            say_where(error, record.folder)
-            raise
+    with (
+        inputs.source,
+        SlamRecord(fresh_folder(out), inputs.rig.view_names) as record,
+        keeping(record.folder, lambda reason: write_results(record, slam, inputs, reason)),
+    ):
+        for frame in islice(inputs.source, max_frames):
+            state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
+            record.add(frame, state)
+            progress(record.frames, total_frames(inputs.source.count, max_frames))
+        slam.finish()
+        return write_results(record, slam, inputs)

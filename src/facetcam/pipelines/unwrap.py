@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -16,7 +15,7 @@ from facetcam.io.outputs import atomic_write, fresh_folder, require_absent, writ
 from facetcam.io.sources import Source, open_source
 from facetcam.pipelines.inputs import require_size
 from facetcam.pipelines.pictures import EvenSample
-from facetcam.pipelines.progress import Progress, reason_of, say_where, silent, total_frames
+from facetcam.pipelines.progress import Progress, keeping, silent, total_frames
 from facetcam.rig import Rig
 from facetcam.unwrapping import Panorama, Unwrapper, unwrap, write_views
 from facetcam.viz.pages import write_unwrap_report
@@ -80,16 +79,11 @@ def run_unwrap(
     require_size(film, rig)
     with film:
         record = ViewRecord(fresh_folder(out), unwrapper, panorama)
-        try:
+        with keeping(record.folder, lambda reason: record.finish(film, reason)):
             for frame in islice(film, max_frames):
                 record.add(frame)
                 progress(record.frames, total_frames(film.count, max_frames))
             return record.finish(film)
-        except BaseException as error:  # also Ctrl-C: what is there is worth keeping
-            with suppress(Exception):  # the first error is the one to tell
-                record.finish(film, interrupted=reason_of(error))
-            say_where(error, record.folder)
-            raise
 
 
 class ViewRecord:
