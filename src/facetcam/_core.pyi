@@ -88,3 +88,13 @@ def remap(
     output: NDArray[Any],
     threads: int,
 ) -> None: ...
+def align_patches(
+    full: NDArray[np.uint8],
+    half: NDArray[np.uint8],
+    patches: NDArray[np.uint8],
+    offsets: NDArray[np.float32],
+    warps: NDArray[np.float32],
+    start: NDArray[np.float32],
+    max_shift: float,
+    max_iterations: int,
+) -> NDArray[np.float32]: ...
