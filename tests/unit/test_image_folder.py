@@ -84,6 +84,12 @@ def test_a_cut_off_jpeg_is_not_half_grey(tmp_path: Path) -> None:
     assert source.skipped[0].name == "1.jpg"
 
 
+def test_hidden_files_are_no_images(tmp_path: Path) -> None:
+    folder = write_folder(tmp_path / "in", moving(2), times=[0.0, 0.1])
+    (folder / "._1.png").write_bytes(b"what some file systems leave")
+    assert times_of(folder) == [0.0, 0.1]
+
+
 def test_one_image_is_a_source(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "in", moving(2))
     with open_source(folder / "1.png") as source:
@@ -111,6 +117,7 @@ def test_sizes_that_differ_are_an_error_at_that_image(tmp_path: Path) -> None:
         ("1\n2\n3\n4\n", "4 times for 3 images"),
         ("0.png 1\n1.png now\n2.png 2\n", "line 2: 'now' is not a number"),
         ("0.png 1\n1.png nan\n2.png 2\n", "time 2 is not finite"),
+        ("0.png 1403636579763555584\n1.png 1403636579813555456\n2.png 1403636579863555584\n", "in seconds"),
         ("0.png 1\n9.png 2\n2.png 3\n", "line 2: names 9.png, which is not in the folder"),
         ("0.png 1 2\n", "line 1: expected 'file seconds', got '0.png 1 2'"),
         ("", "0 times for 3 images"),

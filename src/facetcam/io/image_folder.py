@@ -113,7 +113,8 @@ def natural_key(path: Path) -> list[tuple[int, str]]:
 def _images_in(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
-    files = sorted((f for f in path.iterdir() if f.suffix.lower() in SUFFIXES), key=natural_key)
+    visible = (f for f in path.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
+    files = sorted(visible, key=natural_key)
     if not files:
         raise SourceError(f"{path}: no images in this folder (known are {' '.join(sorted(SUFFIXES))})")
     return files

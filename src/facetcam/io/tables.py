@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from facetcam.errors import SourceError
 
+LATEST = 1e11  # seconds: the year 5138; Unix times in milli- or nanoseconds lie beyond
+
 
 def rows_of_table(path: Path, separator: str | None = None) -> Iterator[tuple[int, list[str]]]:
     """Line number and fields of each line that is neither blank nor a comment."""
@@ -58,10 +60,12 @@ def read_numbers(path: Path, columns: str, header: bool = False) -> NDArray[np.f
 
 
 def require_increasing(times: Sequence[float] | NDArray[np.float64], where: str) -> None:
-    """Raise unless the times are finite and each is later than the one before."""
+    """Raise unless the times are finite seconds and each is later than the one before."""
     values = np.asarray(times, dtype=np.float64)
     if not np.all(np.isfinite(values)):
         raise SourceError(f"{where}: time {int(np.argmin(np.isfinite(values))) + 1} is not finite")
+    if len(values) and values.max() > LATEST:
+        raise SourceError(f"{where}: {values.max():.9g} is no time in seconds; convert it from finer units")
     backward = np.flatnonzero(np.diff(values) <= 0)
     if len(backward):
         k = int(backward[0])
