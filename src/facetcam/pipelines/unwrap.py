@@ -114,7 +114,7 @@ class ViewRecord:
 
     def finish(self, film: Source, interrupted: str = "") -> Unwrapped:
         """Write the contact sheet."""
-        title = f"Views of {film.name}"
+        title = f"Views of {Path(film.name).name}"
         facts = {"frames": str(self.frames)}
         report = UnwrapReport(title, self._sheet.items(), interrupted, facts)
         write_unwrap_report(report, self.folder / "report.html")
