@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,6 +20,7 @@ Image = NDArray[np.uint8]
 
 MARGIN = 4.0  # pixels of the raw frame along seams
 CORNERS = 200
+EDGE = 15  # pixels of the window that must lie inside the view
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,7 +41,9 @@ class ViewPair:
 
     def picture(self, index: int) -> Picture:
         """The unwrapped view with its corners, in the colour of view `index`."""
-        corners = SIICF.create(max_features=CORNERS).detect(self.unwrapped, self.mask)
+        # Where a mirror ends there is an edge, but none of the room.
+        inside = cv2.erode(self.mask, np.ones((EDGE, EDGE), np.uint8), borderValue=0)
+        corners = SIICF.create(max_features=CORNERS).detect(self.unwrapped, inside)
         return Picture(
             f"{self.name}: {len(corners)} corners",
             self.unwrapped,
