@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from facetcam.io.outputs import fresh_folder
@@ -72,6 +72,7 @@ def run_demo(out: Path | str, *, quick: bool = False, stage: Stage = unwatched) 
         checks = [*trajectory_checks(results.summary, film), view_check(pairs), *light_checks(film, middle)]
         progress(1, 1)
     frame = Picture("raw frame", film.still(middle, 0.0, film.exposure(middle, 0.0)))
-    report = DemoReport(results.report, frame, [pair.picture(i) for i, pair in enumerate(pairs)], checks)
+    slam = replace(results.report, title="A drive through the built-in room")
+    report = DemoReport(slam, frame, [pair.picture(i) for i, pair in enumerate(pairs)], checks)
     write_demo_report(report, folder / "report.html")
     return Demo(tuple(checks), folder / "report.html")

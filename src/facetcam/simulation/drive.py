@@ -11,7 +11,7 @@ from facetcam.geometry import se3
 
 Array = NDArray[np.float64]
 
-SPEED = 0.7  # metres a second, reached within the first second
+SPEED = 0.75  # metres a second, reached within the first second
 WHEELBASE = 0.3  # metres over which bumps tilt the robot
 BUMPS = ((1.2, 0.15), (3.4, 0.4), (5.6, 0.2))  # metres along the path, half width in metres
 
@@ -41,7 +41,7 @@ def round_the_table(frames: int, fps: float = 10.0, height: float = 0.85, bumps:
     Parameters
     ----------
     frames : int
-        The loop closes after about 110 frames at 10 a second.
+        The loop closes after about 100 frames at 10 a second.
     fps : float
     height : float
         Metres of the rig above the floor.

@@ -14,6 +14,7 @@ from facetcam.simulation.renderer import Renderer
 Array = NDArray[np.float64]
 Array32 = NDArray[np.float32]
 
+BLUR = 1.4  # pixels; lenses draw nothing finer, and textures sampled finer would flicker
 _AROUND = np.ones((3, 3), dtype=np.uint8)
 
 
@@ -53,7 +54,7 @@ class FrameRays:
 
     def __init__(self, rig: Rig, samples: int = 2) -> None:
         self.width, self.height = rig.size
-        self.pixel_angle = 1.0 / max(rig.camera.fx, rig.camera.fy)
+        self._ray_angle = BLUR / max(rig.camera.fx, rig.camera.fy)
         pixels = np.stack(np.meshgrid(np.arange(self.width), np.arange(self.height)), axis=-1)
         rays = rig.camera.ray(pixels.reshape(-1, 2)).reshape(self.height, self.width, 3)
         self._rays = _flat(rays)
@@ -97,11 +98,11 @@ class FrameRays:
         origin, turn = T_world_image[:3, 3], T_world_image[:3, :3].T.astype(np.float32)
         centres = self._rays[view.pixels] @ turn
         hits = renderer.trace(origin, centres)
-        light = renderer.shade(hits, centres, self.pixel_angle, lighting)
+        light = renderer.shade(hits, centres, self._ray_angle, lighting)
         edges = np.flatnonzero(view.seam | self._outlines(view.pixels, hits["surface"]))
         directions = self._samples(view.pixels[edges]) @ turn
         weight = view.weight[edges]
-        sample_angle = self.pixel_angle / float(np.sqrt(weight.shape[1]))
+        sample_angle = self._ray_angle / float(np.sqrt(weight.shape[1]))
         samples = renderer.shade(renderer.trace(origin, directions), directions, sample_angle, lighting)
         light[edges] = np.einsum("ps,psc->pc", weight, samples.reshape(*weight.shape, 3))
         return light, np.where(view.dark, np.float32(np.inf), hits["distance"])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array32 = NDArray[np.float32]
 Image = NDArray[np.uint8]
 
-KEY = 0.22  # mean of the exposed light that automatic exposure aims at; 1 saturates
+KEY = 0.26  # mean of the exposed light that automatic exposure aims at; 1 saturates
 
 
 @dataclass(frozen=True, slots=True)
