@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,6 +56,15 @@ def test_saving_never_replaces_a_file(tmp_path: Path) -> None:
     with pytest.raises(RigError, match="exists already"):
         presets.ryu().save(path)
     assert path.read_text() == "mine"
+
+
+def test_a_rotation_written_with_few_digits_is_taken_for_the_exact_one(tmp_path: Path) -> None:
+    c, s = np.cos(0.3), np.sin(0.3)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1.0, -1.0, -1.0])
+    rows = ", ".join(f"[{x:.5f}, {y:.5f}, {z:.5f}, {t}]" for (x, y, z), t in zip(R, (0, 0, 0.5)))
+    rig = load(tmp_path, TEXT.replace("[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 0.5]", rows))
+    np.testing.assert_allclose(rig.T_rig_cam[:3, :3], R, atol=1e-5)
+    np.testing.assert_allclose(rig.T_rig_cam[:3, :3] @ rig.T_rig_cam[:3, :3].T, np.eye(3), atol=1e-14)
 
 
 def test_digest_tells_rigs_apart(tmp_path: Path) -> None:
@@ -150,3 +160,15 @@ def test_a_direct_view_left_no_pixel_by_unbounded_mirrors_is_told_what_to_do(tmp
     assert labels[240, 100] == 1
     assert labels[240, 500] == 0
     assert rig.sees("direct", [[100, 240], [500, 240]]).tolist() == [True, False]
+
+
+def test_a_region_covers_what_lies_inside_its_outline() -> None:
+    rng = np.random.default_rng(2)
+    angles = np.sort(rng.uniform(0, 2 * np.pi, 9))
+    radii = rng.uniform(20, 100, 9)
+    region = 120 + radii[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    pixels = rng.uniform(0, 240, (2000, 2))
+    contour = region.astype(np.float32)[:, None]
+    distances = np.array([cv2.pointPolygonTest(contour, (x, y), True) for x, y in pixels.tolist()])
+    clear = abs(distances) > 1e-3
+    np.testing.assert_array_equal(View((), region).covers(pixels)[clear], distances[clear] > 0)

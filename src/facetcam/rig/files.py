@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from facetcam.config import from_mapping, nearest, read_yaml
 from facetcam.errors import ConfigError, RigError
@@ -21,7 +22,11 @@ from facetcam.rig.view import View
 
 T = TypeVar("T")
 
+Array = NDArray[np.float64]
 Row4 = tuple[float, float, float, float]
+
+_EXACT = 1e-9  # largest deviation of R R' from the identity in a file written with all digits
+_ROUNDED = 1e-4  # and in one written with four
 
 
 @dataclass(frozen=True)
@@ -103,10 +108,20 @@ def _rig(document: object) -> Rig:
     intrinsics = {key: value for key, value in vars(camera).items() if key != "T_rig_cam"}
     return Rig(
         Camera(**intrinsics),
-        np.array(camera.T_rig_cam),
+        _without_rounding(np.array(camera.T_rig_cam)),
         _named(sections.get("mirrors") or {}, "mirrors", _mirror),
         _named(sections["views"], "views", _view),
     )
+
+
+def _without_rounding(T: Array) -> Array:
+    """Turn a rotation that was written with few digits into the nearest exact one."""
+    R = T[:3, :3]
+    error = np.abs(R @ R.T - np.eye(3)).max()
+    if _EXACT < error < _ROUNDED:
+        U, _, Vt = np.linalg.svd(R)
+        T[:3, :3] = U @ Vt
+    return T
 
 
 def _named(node: object, where: str, build: Callable[[str, Any], T]) -> dict[str, T]:

@@ -13,7 +13,7 @@ from facetcam.geometry.reflection import plane_of_polygon, reflection
 
 Array = NDArray[np.float64]
 
-FLATNESS = 1e-5  # metres a corner may stand off the plane, or inside the outline, of its polygon
+FLATNESS = 1e-4  # metres a corner may stand off the plane, or inside the outline, of its polygon
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,4 +120,4 @@ class Visibility:
                 return f"{sender} stands behind mirror '{names[count - 1]}' or its rays pass it by"
         if not self._seen_on(view, paths, pixels).any():
             return "another mirror stands before the room, or its region lies elsewhere"
-        return "longer chains take all its pixels, give the views regions or the mirrors polygons"
+        return "other views take all its pixels, give the views regions or the mirrors polygons"

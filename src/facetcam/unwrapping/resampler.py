@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Image = NDArray[Any]
 
 _FRACTION = 2048  # positions are kept to 1/2048 px, as the kernel reads them
+_PIXELS_A_THREAD = 65536  # fewer are done before another thread has started
 _TYPES = (np.uint8, np.uint16, np.float32)
 
 
@@ -52,7 +53,8 @@ class Resampler:
         """
         layers = _layers(image, self._source_size)
         output = np.empty((self._ends[-1], layers.shape[2]), dtype=image.dtype)
-        _core.remap(self._sources, self._runs, layers, output, max(1, cv2.getNumThreads()))
+        threads = min(cv2.getNumThreads(), len(self._sources) // _PIXELS_A_THREAD)
+        _core.remap(self._sources, self._runs, layers, output, max(1, threads))
         parts = np.split(output, self._ends[:-1])
         return [part.reshape(v.shape + image.shape[2:]) for part, v in zip(parts, self.valid)]
 
