@@ -17,7 +17,7 @@ RigOption = Annotated[
 ]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", help="Folder to make [default: runs/NAME-TIME]; never one that exists."),
+    typer.Option("--out", help="Folder to make, never one that exists (default: runs/NAME-TIME)."),
 ]
 FpsOption = Annotated[
     float | None, typer.Option("--fps", help="Frame rate; replaces the source's own times.")

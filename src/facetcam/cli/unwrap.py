@@ -27,13 +27,13 @@ def unwrap(
     rig: RigOption,
     out: OutOption = None,
     size: Annotated[
-        str | None, typer.Option(metavar="WxH", help="Pixels of each view [default: as fine as the frame].")
+        str | None, typer.Option(metavar="WxH", help="Pixels of each view (default: as fine as the frame).")
     ] = None,
     fov: Annotated[
-        float | None, typer.Option(help="Horizontal field of view in degrees [default: all there is].")
+        float | None, typer.Option(help="Horizontal field of view in degrees (default: all there is).")
     ] = None,
     view: Annotated[
-        list[str] | None, typer.Option(help="A view to write; repeatable [default: all].")
+        list[str] | None, typer.Option(help="A view to write; repeatable (default: all).")
     ] = None,
     panorama: Annotated[
         float | None, typer.Option(metavar="METRES", help="Also a panorama, right at this depth.")
