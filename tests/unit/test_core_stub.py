@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-import facetcam
 import pytest
+
+import facetcam
 from facetcam import _core
 
 

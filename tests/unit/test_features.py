@@ -46,7 +46,7 @@ def test_corners_follow_a_shift_of_a_fraction_of_a_pixel() -> None:
         cv2.resize(fine[:-8, left : left + 1264], (158, 119), interpolation=cv2.INTER_AREA) for left in (8, 5)
     )
     a, b = SIICF.create(border=8).detect(first).xy, SIICF.create(border=8).detect(second).xy
-    moved = a + [3 / 8, 0]
+    moved = a + np.array([3 / 8, 0])
     nearest = b[np.linalg.norm(moved[:, None] - b, axis=2).argmin(axis=1)]
     error = np.linalg.norm(moved - nearest, axis=1)
     assert len(a) > 50

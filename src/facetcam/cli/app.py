@@ -11,6 +11,7 @@ from facetcam import __version__
 from facetcam.cli.demo import demo
 from facetcam.cli.detect import detect
 from facetcam.cli.evaluate import trajectory
+from facetcam.cli.evaluate_detectors import detectors
 from facetcam.cli.failures import DEBUG, in_one_line
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
@@ -44,7 +45,8 @@ def root(
 
 for command in (demo, slam, unwrap, detect):
     app.command()(in_one_line(command))
-evaluate.command()(in_one_line(trajectory))
+for command in (trajectory, detectors):
+    evaluate.command()(in_one_line(command))
 app.add_typer(evaluate, name="evaluate")
 
 

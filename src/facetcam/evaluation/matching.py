@@ -22,7 +22,7 @@ class Matching:
 
 
 def mutual_nearest(first: NDArray[np.generic], second: NDArray[np.generic], norm: int) -> NDArray[np.intp]:
-    """Rows (index in first, index in second) of descriptors that are each other's nearest, by OpenCV's norm."""
+    """Rows (index in first, index in second) of mutually nearest descriptors, by OpenCV's norm."""
     if min(len(first), len(second)) == 0:
         return np.empty((0, 2), np.intp)
     matches = cv2.BFMatcher(norm, crossCheck=True).match(first, second)

@@ -72,6 +72,18 @@ def error_figure(times: Array, errors: Array) -> str:
     return to_svg(figure)
 
 
+def scores_figure(scores: Mapping[str, float], label: str) -> str:
+    """One bar a name, the first on top."""
+    figure, axes = new_figure(6.0, 0.8 + 0.3 * len(scores))
+    names = list(scores)
+    bars = axes.barh(range(len(names)), list(scores.values()), height=0.62, color=BAR_COLOUR, alpha=0.85)
+    axes.bar_label(bars, fmt="%.3f", padding=4, color=INK)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel(label)
+    return to_svg(figure)
+
+
 def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
     """Where the time of a run went: seconds of each stage in all, with its calls and their median."""
     named = [(name, np.asarray(seconds)) for name, seconds in stages.items() if len(seconds)]
