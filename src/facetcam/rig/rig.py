@@ -133,7 +133,7 @@ class Rig:
         origins : (N, 3) array
             The view's virtual centre, repeated.
         directions : (N, 3) array
-            Unit directions in the rig frame.
+            Unit directions in the rig frame; zero where the lens gives the pixel no ray.
         """
         T = self.T_rig_image(view)
         directions = self.camera.ray(pixels) @ T[:3, :3].T
@@ -156,6 +156,8 @@ class Rig:
 
     def mask(self, margin: float = 0.0) -> NDArray[np.uint8]:
         """Valid raw pixels as 255, (height, width): more than `margin` pixels from seams and the border."""
+        if not margin >= 0:
+            raise RigError(f"mask: the margin of {margin:g} pixels must be zero or more")
         inside = np.zeros(self._visibility.label_map.shape, dtype=np.uint8)
         for index in range(len(self.views)):
             # The padding makes the frame's edge count as a seam.

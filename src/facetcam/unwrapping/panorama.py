@@ -12,12 +12,12 @@ from facetcam.errors import ConfigError
 from facetcam.rig import Rig
 from facetcam.unwrapping.resampler import Image, Resampler
 from facetcam.unwrapping.unwrapper import SEAM_MARGIN, UsablePixels
+from facetcam.unwrapping.views import seen_directions
 
 Array = NDArray[np.float64]
 
 _HATCH = 16  # pixels between the stripes in holes
 _STEEPEST = math.radians(80.0)  # a cylinder has no end above this
-_SAMPLES = 8  # raw pixels between those that decide how high and low the picture reaches
 
 
 class Panorama:
@@ -85,15 +85,9 @@ class Panorama:
 
 def _elevations(rig: Rig) -> tuple[float, float]:
     """Lowest and highest elevation that any view sees, in radians."""
-    labels = rig.labels()[::_SAMPLES, ::_SAMPLES]
-    elevations = []
-    for index, name in enumerate(rig.views):
-        v, u = np.nonzero(labels == index)
-        if len(u):
-            directions = rig.ray(name, np.column_stack([u, v]) * _SAMPLES)[1]
-            elevations.append(np.arcsin(np.clip(directions[:, 2], -1.0, 1.0)))
-    everything = np.clip(np.concatenate(elevations), -_STEEPEST, _STEEPEST)
-    return float(everything.min()), float(everything.max())
+    upward = np.concatenate([seen_directions(rig, name)[:, 2] for name in rig.views])
+    elevations = np.clip(np.arcsin(np.clip(upward, -1.0, 1.0)), -_STEEPEST, _STEEPEST)
+    return float(elevations.min()), float(elevations.max())
 
 
 def _grid(width: int, low: float, high: float, cylindrical: bool) -> Array:

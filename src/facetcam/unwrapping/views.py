@@ -70,7 +70,7 @@ def fit_view(rig: Rig, name: str, size: tuple[int, int] | None, fov: float | Non
         raise ConfigError(f"fov: {fov:g} rad must lie between 0 and pi")
     if size is not None and min(size) < 2:
         raise ConfigError(f"size: {size[0]}x{size[1]} must be two pixels or more a side")
-    directions = _directions(rig, name)
+    directions = seen_directions(rig, name)
     R, reach = _centred(rig, name, directions)
     if fov is not None:
         reach[0] = math.tan(fov / 2)
@@ -102,8 +102,8 @@ def _entry(view: VirtualView) -> dict[str, Any]:
     return {**numbers, "T_rig_view": view.T_rig_view.tolist(), "flipped": view.flipped}
 
 
-def _directions(rig: Rig, name: str) -> Array:
-    """Directions (N, 3) in the rig frame of the outline of a view and of a grid inside it."""
+def seen_directions(rig: Rig, name: str) -> Array:
+    """Unit directions (N, 3) in the rig frame of the outline of a view and of a grid inside it."""
     own = (rig.labels() == rig.view_names.index(name)).astype(np.uint8)
     samples = own - cv2.erode(own, np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
     samples[::_GRID, ::_GRID] |= own[::_GRID, ::_GRID]
@@ -116,12 +116,15 @@ def _directions(rig: Rig, name: str) -> Array:
 def _centred(rig: Rig, name: str, directions: Array) -> tuple[Array, Array]:
     """Axes (3, 3) of a camera on which the view lies centred, and its half extent, in tangents."""
     T = rig.T_rig_view(name)
-    sum_of_rays = directions.sum(axis=0)
-    forward = sum_of_rays if np.linalg.norm(sum_of_rays) > 0.1 * len(directions) else T[:3, 2]
+    mean = directions.mean(axis=0)
+    forward = mean / np.linalg.norm(mean) if np.linalg.norm(mean) > 0.1 else T[:3, 2]
+    if (directions @ forward).max() < math.cos(WIDEST / 2):
+        # A ring of pixels on a wide lens has nothing in its middle: look at a part of it.
+        forward = directions[np.argmax(directions @ forward)]
     for _ in range(_CENTRINGS):
         R = _axes(forward / np.linalg.norm(forward), T)
         in_view = directions @ R
-        in_view = in_view[in_view[:, 2] > math.cos(WIDEST / 2)]
+        in_view = in_view[in_view[:, 2] >= min(math.cos(WIDEST / 2), in_view[:, 2].max())]
         plane = in_view[:, :2] / in_view[:, 2:]
         low, high = plane.min(axis=0), plane.max(axis=0)
         forward = R @ np.append((low + high) / 2, 1.0)
