@@ -61,6 +61,14 @@ def test_table_sees_one_point_five_times() -> None:
     assert seen == 4
 
 
+def test_no_point_or_pixel_is_no_trouble_and_infinity_is_not_visible() -> None:
+    rig = presets.table()
+    assert rig.project("left", np.empty((0, 3)))[0].shape == (0, 2)
+    assert rig.sees("left", np.empty((0, 2))).shape == (0,)
+    far = [[np.nan, 0.0, 0.0], [np.inf, 0.0, 1.0], [0.0, -0.3, 0.1]]
+    assert rig.project("left", far)[1].tolist() == [False, False, True]
+
+
 def test_mask_keeps_the_margin_from_seams_and_border() -> None:
     rig = presets.table()
     labels = rig.labels()
@@ -70,6 +78,8 @@ def test_mask_keeps_the_margin_from_seams_and_border() -> None:
     for du, dv in ((10, 0), (-10, 0), (0, 10), (0, -10), (7, 7), (-7, 7)):
         np.testing.assert_array_equal(labels[v + dv, u + du], labels[v, u])
     assert not rig.mask()[labels == NO_VIEW].any()
+    with pytest.raises(RigError, match="zero or more"):
+        rig.mask(-1.0)
 
 
 @pytest.mark.parametrize(

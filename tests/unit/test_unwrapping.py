@@ -110,7 +110,7 @@ def test_a_camera_that_looks_straight_down_keeps_its_own_up() -> None:
 def test_a_ring_on_a_wide_lens_gives_a_picture_of_its_rim() -> None:
     turn = np.linspace(0, math.tau, 40)
     circle = np.column_stack([np.cos(turn), np.sin(turn)])
-    ring = np.concatenate([290 * circle, 270 * circle[::-1]]) + (399.5, 299.5)
+    ring = np.vstack([290 * circle, 270 * circle[::-1]]) + np.array([399.5, 299.5])
     whole = RIGS["fisheye"]
     unwrapper = unwrap(Rig(whole.camera, whole.T_rig_cam, {}, {"rim": View((), ring)}))
     assert np.count_nonzero(unwrapper.mask("rim")) > 1000

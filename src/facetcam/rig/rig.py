@@ -120,7 +120,11 @@ class Rig:
             True where light from the point reaches the sensor through this chain of mirrors, unobstructed
             by any mirror.
         """
-        points_cam = se3.transform(se3.inverse(self.T_rig_image(view)), np.reshape(points, (-1, 3)))
+        T = self.T_rig_image(view)
+        points = np.reshape(points, (-1, 3))
+        # What is not finite goes into the lens, where nothing is visible.
+        points = np.where(np.isfinite(points).all(axis=1, keepdims=True), points, T[:3, 3])
+        points_cam = se3.transform(se3.inverse(T), points)
         pixels, valid = self.camera.project(points_cam)
         visible = valid & self._visibility.reaches(view, points_cam) & self.views[view].covers(pixels)
         return pixels, visible
