@@ -50,7 +50,9 @@ struct Nearest {
     }
 };
 
-// Train points sorted into square cells as wide as the search radius.
+constexpr float kMostCells = 512.0f;  // along either side of the grid
+
+// Train points sorted into square cells at least as wide as the search radius.
 class PlaceGrid {
  public:
     PlaceGrid(const Places& places, int count, float radius)
@@ -64,6 +66,8 @@ class PlaceGrid {
             top_ = std::min(top_, places.xy[2 * i + 1]);
             bottom = std::max(bottom, places.xy[2 * i + 1]);
         }
+        // Far-flung points get wider cells instead of more of them.
+        cell_ = std::max(cell_, std::max(right - left_, bottom - top_) / kMostCells);
         columns_ = static_cast<int>((right - left_) / cell_) + 1;
         rows_ = static_cast<int>((bottom - top_) / cell_) + 1;
         starts_.assign(static_cast<std::size_t>(columns_) * rows_ + 1, 0);

@@ -11,6 +11,8 @@ from facetcam.errors import FacetcamError
 Descriptors = NDArray[np.uint8]
 Indices = NDArray[np.int32]
 
+_FARTHEST = 1e9
+
 
 def match_mutual(
     query: Descriptors, train: Descriptors, ratio: float = 1.0, max_distance: int | None = None
@@ -112,6 +114,8 @@ def _places(xy: ArrayLike, view: ArrayLike, count: int, what: str) -> tuple[NDAr
             f"{what}: expected xy of shape ({count}, 2) and view of shape ({count},), "
             f"got {places.shape} and {views.shape}"
         )
-    if not np.isfinite(places).all():
-        raise FacetcamError(f"{what}_xy: has NaN or infinite places; leave those points out")
+    if not (np.abs(places) < _FARTHEST).all():
+        raise FacetcamError(
+            f"{what}_xy: has places that are NaN or beyond {_FARTHEST:g} pixels; leave them out"
+        )
     return places, views
