@@ -57,3 +57,18 @@ def write_folder(folder: Path, images: Sequence[Image], times: Sequence[float] |
         lines = [f"{k}.png {time}" for k, time in enumerate(times)]
         (folder / "timestamps.txt").write_text("\n".join(["# file seconds", *lines]) + "\n")
     return folder
+
+
+class FakeCapture:
+    """Stands for `cv2.VideoCapture`: a camera that is unplugged after some images."""
+
+    def __init__(self, images: int) -> None:
+        self.left = images
+        self.released = False
+
+    def read(self) -> tuple[bool, Image | None]:
+        self.left -= 1
+        return (True, textured()) if self.left >= 0 else (False, None)
+
+    def release(self) -> None:
+        self.released = True

@@ -10,11 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import cv2
 import fake_slam
 import pytest
 from command import Facetcam, only_line
 from fake_slam import FakeSlam
-from films import moving, textured, write_film, write_folder
+from films import FakeCapture, moving, textured, write_film, write_folder
 
 import facetcam.pipelines.slam
 from facetcam.errors import OutputError
@@ -35,6 +36,16 @@ def test_an_image_of_another_size_amid_the_film(facetcam: Facetcam, rig: Path, t
     assert len(read_tum(out / "trajectory.tum")[0]) == 6
     assert "6.png: 30x20" in json.loads((out / "summary.json").read_text())["interrupted"]
     assert "Interrupted" in (out / "report.html").read_text()
+
+
+def test_a_camera_that_is_unplugged(
+    facetcam: Facetcam, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cv2, "VideoCapture", lambda index: FakeCapture(30))
+    out = tmp_path / "out"
+    line = only_line(facetcam("slam", "97", "--rig", rig, "--out", out))
+    assert "camera 97: stopped delivering images; was it unplugged?" in line
+    assert 0 < json.loads((out / "summary.json").read_text())["frames"] < 30
 
 
 def test_a_full_disk(

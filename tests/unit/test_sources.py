@@ -6,27 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
+from films import FakeCapture
 
 from facetcam.errors import ConfigError, SourceError
 from facetcam.io.live import LiveCamera
 from facetcam.io.sources import open_source
-
-
-class FakeCapture:
-    """Stands for `cv2.VideoCapture`: a camera that is unplugged after some images."""
-
-    def __init__(self, images: int) -> None:
-        self.left = images
-        self.released = False
-
-    def read(self) -> tuple[bool, np.ndarray | None]:
-        self.left -= 1
-        return (True, np.zeros((4, 6, 3), np.uint8)) if self.left >= 0 else (False, None)
-
-    def release(self) -> None:
-        self.released = True
 
 
 class TestLive:
@@ -36,7 +21,7 @@ class TestLive:
         camera = LiveCamera(0)
         frames: Iterator = iter(camera)
         times = [next(frames).timestamp for _ in range(3)]
-        assert camera.size == (6, 4)
+        assert camera.size == (64, 48)
         assert times[0] == 0.0
         assert times == sorted(times)
         with pytest.raises(SourceError, match="unplugged"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -15,13 +16,35 @@ from facetcam.io.frames import Frame
 from facetcam.io.outputs import LineWriter
 from facetcam.io.trajectories import TumWriter
 from facetcam.pipelines.pictures import EvenSample
-from facetcam.slam import State
+from facetcam.slam import State, Status, ViewHealth
 from facetcam.viz.report import Picture
 
 PICTURES = 4
 POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
 TWIST = ("rx", "ry", "rz", "tx", "ty", "tz")
 UPPER = np.triu_indices(6)
+UNSEEN = ViewHealth(0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class FrameNote:
+    """What the report needs of every frame: no more, since films are long."""
+
+    timestamp: float
+    status: Status
+    predicted: tuple[int, ...]  # map points expected in each view
+    inliers: tuple[int, ...]  # map points measured in each view
+
+    @classmethod
+    def of(cls, state: State, view_names: tuple[str, ...]) -> FrameNote:
+        """Take it from a state."""
+        health = [state.views.get(name, UNSEEN) for name in view_names]
+        return cls(
+            state.timestamp,
+            state.status,
+            tuple(view.predicted for view in health),
+            tuple(view.inliers for view in health),
+        )
 
 
 class SlamRecord:
@@ -37,7 +60,7 @@ class SlamRecord:
     def __init__(self, folder: Path, view_names: tuple[str, ...]) -> None:
         self.folder = folder
         self.view_names = view_names
-        self.states: list[State] = []
+        self.notes: list[FrameNote] = []
         self.pictures: EvenSample[Picture] = EvenSample(PICTURES)
         self._started = time.perf_counter()
         with ExitStack() as files:
@@ -57,7 +80,7 @@ class SlamRecord:
     @property
     def frames(self) -> int:
         """Number of frames added."""
-        return len(self.states)
+        return len(self.notes)
 
     @property
     def seconds(self) -> float:
@@ -66,7 +89,7 @@ class SlamRecord:
 
     def add(self, frame: Frame, state: State) -> None:
         """Write the live pose and state of a frame, and keep what the report needs."""
-        self.states.append(state)
+        self.notes.append(FrameNote.of(state, self.view_names))
         self._table.write(",".join(state_cells(state, self.view_names)))
         if state.T_world_rig is not None:
             self._trajectory.append(state.timestamp, state.T_world_rig)
@@ -91,6 +114,6 @@ def state_cells(state: State, view_names: tuple[str, ...]) -> list[str]:
         covariance = [f"{value:.6e}" for value in state.covariance[UPPER]]
     sigma = f"{state.scale_sigma:.6g}" if np.isfinite(state.scale_sigma) else ""
     scale = [str(int(state.keyframe)), str(int(state.metric)), sigma, str(state.map_points)]
-    health = [state.views.get(name) for name in view_names]
-    counts = [str(n) for view in health for n in ((view.predicted, view.inliers) if view else (0, 0))]
+    health = [state.views.get(name, UNSEEN) for name in view_names]
+    counts = [str(count) for view in health for count in (view.predicted, view.inliers)]
     return [f"{state.timestamp:.9f}", state.status.value, *pose, *covariance, *scale, *counts]

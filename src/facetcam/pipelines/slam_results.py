@@ -73,7 +73,7 @@ def summarise(
         out=record.folder,
         frames=record.frames,
         tracked=count_tracked(record, path[0]),
-        statuses=dict(Counter(state.status.value for state in record.states)),
+        statuses=dict(Counter(note.status.value for note in record.notes)),
         metric=slam.metric,
         scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
         keyframes=len(slam.keyframe_poses),
@@ -92,7 +92,7 @@ def count_tracked(record: SlamRecord, times: Array) -> int:
     """Frames whose pose was measured, then or, at the start, later."""
     placed = set(times.tolist())
     unmeasured = (Status.LOST, Status.DEAD_RECKONING)
-    return sum(s.timestamp in placed and s.status not in unmeasured for s in record.states)
+    return sum(note.timestamp in placed and note.status not in unmeasured for note in record.notes)
 
 
 def make_report(
@@ -106,15 +106,14 @@ def make_report(
         own, true = evaluation.associate(times, inputs.truth[0], ALIGNED_WITHIN)
         times, poses = times[own], poses[own]
         truth = aligned_truth(inputs.truth[1][true], poses, summary)
-    health = [[state.views.get(name) for name in record.view_names] for state in record.states]
     shape = (record.frames, len(record.view_names))
     return SlamReport(
         title=Path(inputs.source.name).name,
         view_names=record.view_names,
-        times=np.array([state.timestamp for state in record.states]),
-        statuses=[state.status.value for state in record.states],
-        predicted=np.array([[v.predicted if v else 0 for v in row] for row in health], int).reshape(shape),
-        inliers=np.array([[v.inliers if v else 0 for v in row] for row in health], int).reshape(shape),
+        times=np.array([note.timestamp for note in record.notes]),
+        statuses=[note.status.value for note in record.notes],
+        predicted=np.array([note.predicted for note in record.notes], int).reshape(shape),
+        inliers=np.array([note.inliers for note in record.notes], int).reshape(shape),
         tracked=summary.tracked,
         metric=summary.metric,
         scale_sigma=slam.scale_sigma,
