@@ -86,9 +86,7 @@ class TestLineWriter:
             lines.write("kept")
             with FULL.open("w") as full:
                 os.dup2(full.fileno(), lines._file.fileno())
-            with pytest.raises(
-                OutputError, match=r"a\.csv: cannot be written \(No space left on device\)"
-            ):
+            with pytest.raises(OutputError, match=r"a\.csv: cannot be written \(No space left on device\)"):
                 lines.write("lost")
         assert (tmp_path / "a.csv").read_text() == "kept\n"
 
