@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from facetcam.simulation import pictures
+from facetcam.simulation import fronts, pictures
 from facetcam.simulation.materials import Colour, Material, cardboard, fabric, plain, wood
 from facetcam.simulation.scene import Surface, box
 
@@ -18,11 +19,13 @@ WHITE: Colour = (228, 226, 220)
 
 
 def hanging(
-    rng: Rng, material: Material, width: float, height: float, thickness: float = 0.03
+    rng: Rng, material: Material, width: float, height: float, thickness: float = 0.03, glow: float = 0.0
 ) -> list[Surface]:
-    """Make something flat on a wall: its lower edge at z = 0, centred on x = 0."""
+    """Make something flat on a wall, its lower edge at z = 0, centred on x = 0; a window glows."""
     edge = plain((70, 56, 44))
-    return box(rng, (-width / 2, -thickness, 0), (width / 2, 0, height), edge, {"front": material}, ("back",))
+    low, high = (-width / 2, -thickness, 0), (width / 2, 0, height)
+    front, *edges = box(rng, low, high, edge, {"front": material}, ("back",))
+    return [replace(front, glow=glow), *edges]
 
 
 def table(rng: Rng, width: float, depth: float, height: float, colour: Colour = OAK) -> list[Surface]:
@@ -55,7 +58,7 @@ def bookcase(
             (end, 0, z + thick + step * rng.uniform(0.75, 0.88)),
         )
         made += box(
-            rng, low, high, wood((214, 204, 184)), {"front": pictures.books}, ("bottom", "back", "left")
+            rng, low, high, wood((214, 204, 184)), {"front": fronts.books}, ("bottom", "back", "left")
         )
     back = box(rng, (left, -0.01, 0), (right, 0, height), wood(colour), without=("back", "left", "right"))
     return made + back
@@ -66,7 +69,7 @@ def cupboard(
 ) -> list[Surface]:
     """Make a cupboard of width, depth and height with drawers."""
     width, depth, height = size
-    front = {"front": pictures.drawers(colour, across, down)}
+    front = {"front": fronts.drawers(colour, across, down)}
     return box(
         rng, (-width / 2, -depth, 0), (width / 2, 0, height), wood(colour, 0.05), front, ("bottom", "back")
     )
@@ -112,11 +115,17 @@ def floor_lamp(rng: Rng, height: float = 1.5) -> list[Surface]:
     return made + box(rng, (-0.14, -0.28, height - 0.16), (0.14, 0, height), plain((236, 206, 150)))
 
 
+def pendant(rng: Rng) -> list[Surface]:
+    """Make the cord and shade of a lamp that hangs from z = 0; its light belongs at z = -0.25."""
+    cord = box(rng, (-0.01, -0.01, -0.1), (0.01, 0.01, 0), plain((60, 56, 52)), without=("top", "bottom"))
+    return cord + box(rng, (-0.17, -0.17, -0.18), (0.17, 0.17, -0.1), plain((238, 226, 200)), without=())
+
+
 def monitor(rng: Rng, width: float) -> list[Surface]:
     """Make a monitor on its foot."""
     black = plain((28, 28, 30))
     height = 0.6 * width
     made = box(rng, (-0.1, -0.16, 0), (0.1, 0, 0.02), black)
     made += box(rng, (-0.03, -0.06, 0.02), (0.03, -0.03, 0.14), black)
-    front = {"front": pictures.screen}
+    front = {"front": fronts.screen}
     return made + box(rng, (-width / 2, -0.1, 0.12), (width / 2, -0.06, 0.12 + height), black, front, ())

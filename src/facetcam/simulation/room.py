@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import pi
 
 import numpy as np
 
+from facetcam.simulation import fronts, pictures
 from facetcam.simulation import furniture as made
-from facetcam.simulation import pictures
 from facetcam.simulation.materials import (
     Material,
     bricks,
@@ -29,7 +28,12 @@ LENGTH, WIDTH, HEIGHT = 6.0, 5.0, 2.6  # metres along x, y, z; the origin is on 
 NORTH, SOUTH = (0.0, WIDTH / 2, 0.0), (0.0, -WIDTH / 2, pi)
 EAST, WEST = (LENGTH / 2, 0.0, -pi / 2), (-LENGTH / 2, 0.0, pi / 2)
 
+PENDANTS = ((-1.5, 0.2), (1.5, -0.2))
 LAMP_OFF_AT = 6.0  # seconds
+
+_ALL_BUT_FRONT = ("back", "left", "right", "top", "bottom")
+_ALL_BUT_TOP = ("front", "back", "left", "right", "bottom")
+_ALL_BUT_BOTTOM = ("front", "back", "left", "right", "top")
 
 
 def furnished_room(seed: int = 7) -> Scene:
@@ -41,9 +45,10 @@ def furnished_room(seed: int = 7) -> Scene:
 
 def _lamps() -> tuple[Lamp, ...]:
     warm, day = (1.0, 0.9, 0.76), (0.92, 0.97, 1.05)
+    lasting, failing = (Lamp((x, y, HEIGHT - 0.25), 1.5, warm) for x, y in PENDANTS)
     return (
-        Lamp((-1.5, 0.2, 2.35), 1.5, warm),
-        Lamp((1.5, -0.2, 2.35), 1.5, warm).switched_off(LAMP_OFF_AT),
+        lasting,
+        failing.switched_off(LAMP_OFF_AT),
         Lamp((-1.3, 2.4, 1.55), 2.2, day, facing=(0.0, -1.0, 0.0)),
         Lamp((2.86, -2.1, 1.66), 0.35, warm),
     )
@@ -55,10 +60,6 @@ def _against(
     """Put a piece with its back to a wall, `along` metres to the right of the wall's middle."""
     x, y, yaw = wall
     return placed(surfaces, x + along * np.cos(yaw), y + along * np.sin(yaw), yaw, z)
-
-
-def _on(surfaces: list[Surface], x: float, y: float, z: float, yaw: float = 0.0) -> list[Surface]:
-    return placed(surfaces, x, y, yaw, z)
 
 
 def _shell(rng: Rng) -> list[Surface]:
@@ -82,13 +83,8 @@ def _shell(rng: Rng) -> list[Surface]:
     return surfaces + floor + placed(ceiling, 0, 0, 0, HEIGHT) + _beams(rng)
 
 
-_ALL_BUT_FRONT = ("back", "left", "right", "top", "bottom")
-_ALL_BUT_TOP = ("front", "back", "left", "right", "bottom")
-_ALL_BUT_BOTTOM = ("front", "back", "left", "right", "top")
-
-
 def _beams(rng: Rng) -> list[Surface]:
-    surfaces = []
+    surfaces: list[Surface] = []
     for x in (-2.0, 0.0, 2.0):
         low, high = (x - 0.07, -WIDTH / 2, HEIGHT - 0.14), (x + 0.07, WIDTH / 2, HEIGHT)
         surfaces += box(rng, low, high, wood(made.WALNUT), without=("front", "back", "top"))
@@ -96,12 +92,10 @@ def _beams(rng: Rng) -> list[Surface]:
 
 
 def _north(rng: Rng) -> list[Surface]:
-    glass = made.hanging(rng, pictures.window, 1.5, 1.2, 0.04)
-    bright = [replace(s, glow=0.5) if s.picture.shape[0] > 300 else s for s in glass]
     art = pictures.framed(pictures.mosaic, (60, 44, 32))
     return [
-        *_against(NORTH, -1.3, bright, 0.95),
-        *_against(NORTH, -1.3, made.hanging(rng, pictures.radiator, 1.2, 0.55, 0.1), 0.12),
+        *_against(NORTH, -1.3, made.hanging(rng, fronts.window, 1.5, 1.2, 0.04, glow=0.5), 0.95),
+        *_against(NORTH, -1.3, made.hanging(rng, fronts.radiator, 1.2, 0.55, 0.1), 0.12),
         *_against(NORTH, 1.0, made.bookcase(rng, 1.3, 2.0)),
         *_against(NORTH, 2.3, made.hanging(rng, art, 0.62, 0.8), 1.15),
         *_against(NORTH, 2.4, made.carton(rng, 0.5, 0.4, 0.36)),
@@ -116,7 +110,7 @@ def _north(rng: Rng) -> list[Surface]:
 def _east(rng: Rng) -> list[Surface]:
     scenery = pictures.framed(pictures.landscape, (96, 66, 40))
     return [
-        *_against(EAST, 1.4, made.hanging(rng, pictures.door, 0.95, 2.08, 0.04)),
+        *_against(EAST, 1.4, made.hanging(rng, fronts.door, 0.95, 2.08, 0.04)),
         *_against(EAST, -0.6, made.cupboard(rng, (1.7, 0.45, 0.78), 3, 3, (206, 196, 176))),
         *_against(EAST, -0.6, made.monitor(rng, 0.85), 0.78),
         *_against(EAST, -1.25, made.block(rng, 0.16, 0.2, 0.3, (40, 96, 130)), 0.78),
@@ -126,13 +120,13 @@ def _east(rng: Rng) -> list[Surface]:
             EAST, -2.0, made.hanging(rng, pictures.framed(pictures.skyline, (30, 30, 34)), 0.6, 0.85), 1.1
         ),
         *_against(EAST, 2.1, made.floor_lamp(rng)),
-        *_against(EAST, 0.55, made.hanging(rng, pictures.clock, 0.3, 0.3), 1.75),
+        *_against(EAST, 0.55, made.hanging(rng, fronts.clock, 0.3, 0.3), 1.75),
     ]
 
 
 def _south(rng: Rng) -> list[Surface]:
     shelf = box(rng, (-0.6, -0.24, 0), (0.6, 0, 0.03), wood(made.OAK), without=("back",))
-    row = box(rng, (-0.55, -0.18, 0), (0.2, 0, 0.26), wood((214, 204, 184)), {"front": pictures.books})
+    row = box(rng, (-0.55, -0.18, 0), (0.2, 0, 0.26), wood((214, 204, 184)), {"front": fronts.books})
     surfaces = [
         *_against(SOUTH, 0.9, made.sofa(rng, 1.9, (78, 104, 112))),
         *_against(SOUTH, -1.1, shelf, 1.4),
@@ -167,9 +161,11 @@ def _west(rng: Rng) -> list[Surface]:
 def _middle(rng: Rng) -> list[Surface]:
     carpet = rug(((142, 46, 42), (224, 206, 170), (44, 62, 96), (190, 120, 60), (60, 92, 84)))
     mat = box(rng, (-1.5, -0.9, 0), (1.5, 0.9, 0.012), carpet)
+    lamps = [s for x, y in PENDANTS for s in placed(made.pendant(rng), x, y, 0.0, HEIGHT)]
     return [
         *mat,
-        *_on(made.table(rng, 0.9, 0.5, 0.42, made.WALNUT), 0.05, 0.25, 0.0, 0.15),
-        *_on(made.carton(rng, 0.26, 0.2, 0.07), -0.1, 0.1, 0.42, 0.5),
-        *_on(made.block(rng, 0.12, 0.12, 0.16, (46, 110, 120)), 0.25, 0.05, 0.42, 0.9),
+        *lamps,
+        *placed(made.table(rng, 0.9, 0.5, 0.42, made.WALNUT), 0.05, 0.25, 0.15),
+        *placed(made.carton(rng, 0.26, 0.2, 0.07), -0.1, 0.1, 0.5, 0.42),
+        *placed(made.block(rng, 0.12, 0.12, 0.16, (46, 110, 120)), 0.25, 0.05, 0.9, 0.42),
     ]
