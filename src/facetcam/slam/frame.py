@@ -15,6 +15,8 @@ from facetcam.slam.optics import Optics
 
 Image = NDArray[np.uint8]
 
+_LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
+
 
 @dataclass(frozen=True, slots=True)
 class Corners:
@@ -84,7 +86,9 @@ class CornerFinder:
         self._optics = optics
         # Cells of about nine corners: every part of every view has some, and no blank wall has many.
         cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
-        self._detector = SIICF.create(max_features=max_features, spread=cell, oriented=False)
+        self._detector = SIICF.create(
+            max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
+        )
 
     def __call__(self, frame: Frame) -> Corners:
         """Corners of the frame, found once and kept with it."""
