@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from facetcam.features import match_windowed
 from facetcam.geometry import se3
@@ -23,12 +24,15 @@ MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _SEARCH = 0.3  # of the frame's width
 _START_PARALLAX = 0.02  # radians
+_CLEAR_PARALLAX = 0.01  # radians that a pure rotation cannot explain
+_CLEAR_SHARE = 0.4  # of the pairs that must show it
+_ROTATION_STEPS = 10
 _UNKNOWN_DEPTH = 3.0  # metres: the median depth of a scene whose scale the images cannot tell
 _LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_GATE = 2.0  # px
 _EPIPOLAR_SIGMA = 0.5  # px
-_LENGTH_PRIOR = 1.0
-_FITTING = 0.45  # share of the matches that the right motion explains
+_LENGTH_PRIOR = 3.0
+_FITTING = 0.6  # share of the matches that the right motion explains
 _MIN_VIEW_MATCHES = 20
 
 
@@ -64,6 +68,16 @@ class Pairs:
             origins, rays_a, se3.transform(T_a_b, origins), rays_b @ T_a_b[:3, :3].T
         )
         return np.where(other > 0, distance, -1.0), angle
+
+    def beyond_rotation(self, optics: Optics) -> Array:
+        """Angles (N,) between the rays that the best pure rotation leaves: what translation must explain."""
+        a, b = (optics.plane_rays(p, self.views) for p in (self.plane_a, self.plane_b))
+        weight = np.ones(len(a))
+        for _ in range(_ROTATION_STEPS):
+            rotation, _ = Rotation.align_vectors(a, b, weights=weight)
+            angle = np.linalg.norm(np.cross(a, rotation.apply(b)), axis=1)
+            weight = 1.0 / (1.0 + (angle / _CLEAR_PARALLAX) ** 2)
+        return np.asarray(angle)
 
     def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> int:
         """Pairs that fit a motion, lie in front of the views and have parallax."""
@@ -103,6 +117,8 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     """
     if len(pairs) < MIN_MATCHES:
         return None
+    if np.mean(pairs.beyond_rotation(optics) > _CLEAR_PARALLAX) < _CLEAR_SHARE:
+        return None  # a turn on the spot, or too small a step to tell from one
     best, most = None, 0
     for view in np.unique(pairs.views):
         proposal = _view_motion(pairs, int(view), optics)
