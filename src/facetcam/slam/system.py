@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 
 _NEAR_KEYFRAMES = 10
 _MAX_WAITING = 40
+_CLEAR_FIX = 0.5  # share of the predictions that a good pose confirms
 _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
 _IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
@@ -137,8 +138,9 @@ class Slam:
         predicted = self._predict(odometry)
         with self._timed("track"):
             fix = self._locate(frame, predicted)
-            if fix is None:
-                fix = self._relocate(frame, predicted)
+            if fix is None or len(fix.seen) < _CLEAR_FIX * len(fix.predictions):
+                # A poor prediction lets patches settle on look-alikes: ask the descriptors too.
+                fix = max(fix, self._relocate(frame, predicted), key=lambda f: len(f.seen) if f else 0)
         if fix is None:
             return self._dead_reckon(frame, predicted, odometry)
         self._accept(fix, frame.timestamp)
@@ -315,6 +317,7 @@ class Slam:
             )
             if fix is not None:
                 self._remember(waiting.timestamp, fix.pose.T_world_rig)
+        self._step = se3.inverse(self._interpolated(self._waiting[-2][0].timestamp)) @ keyframe.T_world_rig
         self._waiting = []
         self._remember(frame.timestamp, keyframe.T_world_rig)
         self._T_world_rig = keyframe.T_world_rig
