@@ -6,6 +6,10 @@ import os
 from pathlib import Path
 
 import pytest
+from command import Facetcam
+from typer.testing import CliRunner
+
+from facetcam.cli.app import app
 
 
 @pytest.fixture(scope="session")
@@ -16,3 +20,9 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"no data in {folder}; set FACETCAM_DATA")
     return folder
+
+
+@pytest.fixture
+def facetcam() -> Facetcam:
+    """Run `facetcam` with arguments."""
+    return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])

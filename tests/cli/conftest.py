@@ -5,23 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from command import Facetcam
 from films import moving, write_film
-from typer.testing import CliRunner
-
-from facetcam.cli.app import app
 
 RIG = """\
 camera: {model: brown-conrady, width: 64, height: 48, fx: 60, fy: 60, cx: 31.5, cy: 23.5,
          distortion: [0, 0, 0, 0, 0], T_rig_cam: [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]]}
 views: {front: {mirrors: []}}
 """
-
-
-@pytest.fixture
-def facetcam() -> Facetcam:
-    """Run `facetcam` with arguments."""
-    return lambda *arguments: CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture
