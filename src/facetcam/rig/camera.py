@@ -129,7 +129,7 @@ class Camera:
     @cached_property
     def _limit(self) -> float:
         """Plane radius (kannala-brandt: angle) up to which the distorted radius grows with the true one."""
-        slopes = polynomial.polytrim(np.array([(2 * i + 1) * c for i, c in enumerate(self._radial)]))
+        slopes = polynomial.polytrim(np.array([(2 * i + 1) * c for i, c in enumerate(self._radial)]), 1e-12)
         turning = [r.real for r in polynomial.polyroots(slopes) if abs(r.imag) < 1e-9 and r.real > 0]
         radius = math.sqrt(min(turning)) if turning else math.inf
         return min(radius, math.pi) if self.model == KANNALA_BRANDT else radius

@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 Row4 = tuple[float, float, float, float]
 
 _EXACT = 1e-9  # largest deviation of R R' from the identity in a file written with all digits
+_LARGEST = 1e9  # of any number in a rig file
 _ROUNDED = 1e-4  # and in one written with four
 
 
@@ -98,7 +99,8 @@ def digest(rig: Rig) -> str:
 
 def _rig(document: object) -> Rig:
     sections = _named(document, "rig", lambda name, node: node)
-    for key in sections:
+    for key, content in sections.items():
+        _check_range(content, key)
         if key not in ("camera", "mirrors", "views"):
             raise RigError(f"unknown key {key!r}; {nearest(key, ('camera', 'mirrors', 'views'))}")
     for key in ("camera", "views"):
@@ -122,6 +124,18 @@ def _without_rounding(T: Array) -> Array:
         U, _, Vt = np.linalg.svd(R)
         T[:3, :3] = U @ Vt
     return T
+
+
+def _check_range(node: object, where: str) -> None:
+    """Refuse numbers whose squares and products would leave floating point, whatever they stand for."""
+    if isinstance(node, (int, float)) and abs(node) > _LARGEST:
+        raise RigError(f"{where}: a number beyond {_LARGEST:g}; give metres and pixels")
+    if isinstance(node, dict):
+        for key, value in node.items():
+            _check_range(value, f"{where}: {key}")
+    if isinstance(node, list):
+        for value in node:
+            _check_range(value, where)
 
 
 def _named(node: object, where: str, build: Callable[[str, Any], T]) -> dict[str, T]:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 FLATNESS = 1e-4  # metres a corner may stand off the plane, or inside the outline, of its polygon
 
+SHORTEST = 1e-6  # metres between neighbouring corners, at least
+
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
@@ -48,6 +50,8 @@ class Mirror:
             raise RigError(f"mirror '{name}': a polygon takes three or more corners [x, y, z]")
         if not np.all(np.isfinite(polygon)):
             raise RigError(f"mirror '{name}': polygon has a number that is not finite")
+        if np.linalg.norm(np.roll(polygon, -1, axis=0) - polygon, axis=1).min() < SHORTEST:
+            raise RigError(f"mirror '{name}': two neighbouring corners of the polygon coincide; drop one")
         try:
             normal, offset, flatness = plane_of_polygon(polygon)
         except FacetcamError as error:
