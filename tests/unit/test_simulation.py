@@ -38,6 +38,12 @@ def wall(picture: NDArray[np.uint8], width: float = 2.0, height: float = 2.0, y:
     )
 
 
+def closed_room(low: Array, high: Array) -> Scene:
+    """An empty box seen from inside."""
+    walls = box(np.random.default_rng(0), low, high, plain((200, 200, 200)), without=())
+    return Scene(tuple(replace(s, corner=s.corner + s.right, right=-s.right) for s in walls), (LIGHT,))
+
+
 def chessboard(squares: int, texels: int) -> NDArray[np.uint8]:
     fields = np.indices((squares, squares)).sum(axis=0) % 2 * 200 + 40
     return np.repeat(fields.repeat(texels, 0).repeat(texels, 1)[..., None], 3, axis=2).astype(np.uint8)
@@ -87,19 +93,23 @@ def test_board_corners_in_the_mirrors_are_where_the_rig_projects_them(
 
 def test_distances_in_a_box_room_are_those_of_its_planes() -> None:
     low, high = np.array([-2.0, -1.5, -1.0]), np.array([2.5, 3.0, 1.2])
-    inside_out = [
-        replace(s, corner=s.corner + s.right, right=-s.right)
-        for s in box(np.random.default_rng(0), low, high, plain((200, 200, 200)), without=())
-    ]
     rig = pinhole((-0.2, 0.05, 1e-3, -1e-3, 0.0))
     pose = se3.exp([0.3, -0.2, 0.9, 0.2, 0.1, -0.1])
-    _, depth = render(rig, Scene(tuple(inside_out), (LIGHT,)), pose)
+    _, depth = render(rig, closed_room(low, high), pose)
     rows, columns = np.mgrid[0:240:7, 0:320:7]
     _, directions = rig.ray("direct", np.column_stack([columns.ravel(), rows.ravel()]))
     world = directions @ pose[:3, :3].T
     planes = np.where(world > 0, high, low)
     expected = ((planes - pose[:3, 3]) / world).min(axis=1)
     assert np.allclose(depth[rows.ravel(), columns.ravel()], expected, rtol=1e-5)
+
+
+def test_every_pixel_of_a_view_has_a_distance_and_no_other(folded_rays: tuple[Rig, FrameRays]) -> None:
+    rig, rays = folded_rays
+    scene = closed_room(np.array([-2.0, -2.0, -1.0]), np.array([2.0, 2.0, 1.0]))
+    radiance, depth = rays.render(Renderer(scene), np.eye(4))
+    assert np.array_equal(np.isfinite(depth), rig.labels() >= 0)
+    assert not radiance[cv2.dilate((rig.labels() >= 0).astype(np.uint8), np.ones((3, 3))) == 0].any()
 
 
 def test_tree_finds_the_same_surface_as_trying_them_all() -> None:

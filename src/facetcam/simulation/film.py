@@ -56,6 +56,5 @@ class Film:
     def still(self, index: int, time: float, exposure: float) -> NDArray[np.uint8]:
         """Take a raw frame at the place of frame `index` in the light of another time in seconds."""
         radiance, _ = self.rays.render(self.renderer, self.drive.poses[index], time)
-        return self.sensor.develop(
-            radiance, exposure, np.random.default_rng([self.seed, index, round(1e3 * time)])
-        )
+        noise = np.random.default_rng([self.seed, index, round(1e3 * time)])
+        return self.sensor.develop(radiance, exposure, noise)

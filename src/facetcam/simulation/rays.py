@@ -30,15 +30,17 @@ class _View:
         Places in the flattened frame.
     weight : (N, S) float32 array
         Share of the pixel's light that each of S samples brings: zero where it misses the view's mirrors.
-    seam, dark : (N,) bool arrays
-        True where some, or all, samples miss.
+    seam : (N,) bool array
+        True where some samples miss.
+    own : (N,) bool array
+        True where the ray of the pixel's middle does not miss.
     """
 
     T_rig_image: Array
     pixels: NDArray[np.intp]
     weight: Array32
     seam: NDArray[np.bool_]
-    dark: NDArray[np.bool_]
+    own: NDArray[np.bool_]
 
 
 class FrameRays:
@@ -88,7 +90,7 @@ class FrameRays:
         for view in self._views:
             light, distance = self._render_view(view, renderer, T_world_rig @ view.T_rig_image, lighting)
             radiance[view.pixels] += light
-            depth[view.pixels] = np.minimum(depth[view.pixels], distance)
+            depth[view.pixels[view.own]] = distance[view.own]
         return radiance.reshape(self.height, self.width, 3), depth.reshape(self.height, self.width)
 
     def _render_view(
@@ -105,7 +107,7 @@ class FrameRays:
         sample_angle = self._ray_angle / float(np.sqrt(weight.shape[1]))
         samples = renderer.shade(renderer.trace(origin, directions), directions, sample_angle, lighting)
         light[edges] = np.einsum("ps,psc->pc", weight, samples.reshape(*weight.shape, 3))
-        return light, np.where(view.dark, np.float32(np.inf), hits["distance"])
+        return light, hits["distance"]
 
     def _samples(self, pixels: NDArray[np.intp]) -> Array32:
         """Unit directions (N * S, 3) of all samples of pixels (N,), camera frame."""
@@ -131,9 +133,9 @@ def _view(rig: Rig, name: str, area: NDArray[np.bool_], offsets: Array) -> _View
     # Pixels beside the area may have part of their samples inside.
     pixels = np.flatnonzero(cv2.dilate(area.astype(np.uint8), _AROUND))
     sees = np.repeat(inner[pixels][:, None], len(offsets), axis=1)
-    seam = pixels[~inner[pixels]]
-    places = np.column_stack([seam % rig.camera.width, seam // rig.camera.width])[:, None] + offsets
-    sees[~inner[pixels]] = rig.sees(name, places).reshape(len(seam), len(offsets))
+    doubtful = pixels[~inner[pixels]]
+    places = np.column_stack([doubtful % rig.camera.width, doubtful // rig.camera.width])[:, None] + offsets
+    sees[~inner[pixels]] = rig.sees(name, places).reshape(len(doubtful), len(offsets))
     weight = np.asarray(sees / len(offsets), dtype=np.float32)
-    seam, dark = np.asarray(~sees.all(axis=1)), np.asarray(~sees.any(axis=1))
-    return _View(rig.T_rig_image(name), pixels, weight, seam, dark)
+    seam = np.asarray(~sees.all(axis=1))
+    return _View(rig.T_rig_image(name), pixels, weight, seam, own=area.ravel()[pixels])
