@@ -10,8 +10,8 @@ import typer
 from facetcam import __version__
 from facetcam.cli.demo import demo
 from facetcam.cli.detect import detect
-from facetcam.cli.evaluate import trajectory
 from facetcam.cli.evaluate_detectors import detectors
+from facetcam.cli.evaluate_trajectory import trajectory
 from facetcam.cli.failures import DEBUG, in_one_line
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
@@ -45,8 +45,8 @@ def root(
 
 for command in (demo, slam, unwrap, detect):
     app.command()(in_one_line(command))
-for command in (trajectory, detectors):
-    evaluate.command()(in_one_line(command))
+for comparison in (trajectory, detectors):
+    evaluate.command()(in_one_line(comparison))
 app.add_typer(evaluate, name="evaluate")
 
 

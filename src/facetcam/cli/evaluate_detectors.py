@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from facetcam.cli.evaluate import Format
+from facetcam.cli.options import Format
 from facetcam.cli.progress import progress_bar
 
 

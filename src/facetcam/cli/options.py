@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,14 @@ FpsOption = Annotated[
 MaxFramesOption = Annotated[
     int | None, typer.Option("--max-frames", min=1, help="Stop after so many frames.")
 ]
+
+
+class Format(StrEnum):
+    """How a table is printed."""
+
+    text = "text"
+    csv = "csv"
+    json = "json"
 
 
 def output_folder(out: Path | None, name: str) -> Path:
