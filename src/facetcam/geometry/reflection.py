@@ -36,11 +36,6 @@ def chain(reflections: list[Array]) -> Array:
     return reduce(lambda product, S: S @ product, reflections, np.eye(4))
 
 
-def is_mirror_image(T: Array) -> bool:
-    """Tell whether a rigid 4x4 motion turns right hands into left ones."""
-    return bool(np.linalg.det(T[:3, :3]) < 0)
-
-
 def plane_of_polygon(vertices: ArrayLike) -> tuple[Array, float, float]:
     """Least-squares plane of polygon vertices.
 

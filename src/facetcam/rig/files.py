@@ -20,7 +20,7 @@ from facetcam.rig.mirrors import Mirror
 from facetcam.rig.rig import Rig
 from facetcam.rig.view import View
 
-T = TypeVar("T")
+Built = TypeVar("Built")
 
 Array = NDArray[np.float64]
 Row4 = tuple[float, float, float, float]
@@ -138,7 +138,7 @@ def _check_range(node: object, where: str) -> None:
             _check_range(value, where)
 
 
-def _named(node: object, where: str, build: Callable[[str, Any], T]) -> dict[str, T]:
+def _named(node: object, where: str, build: Callable[[str, Any], Built]) -> dict[str, Built]:
     if not isinstance(node, dict):
         raise RigError(f"{where}: expected names with their content, got {type(node).__name__}")
     return {str(name): build(str(name), content) for name, content in node.items()}
