@@ -11,16 +11,14 @@ struct RowKernels {
     // out[x] = taps[0] * rows[radius][x] + sum_i taps[i] * (rows[radius - i][x] + rows[radius + i][x]);
     // a column filter with pointers to different rows, a row filter with shifted pointers to one row.
     void (*symmetric_filter)(const float* const* rows, const float* taps, int radius, int n, float* out);
-    // Products of the central-difference gradient; `row` has one more pixel on both sides.
-    void (*gradient_products)(const float* above, const float* row, const float* below, float gain, int n,
-                              float* xx, float* xy, float* yy);
-    // Makes products of g / sqrt(|g| + compression) of products of g.
-    void (*compress)(float compression, int n, float* xx, float* xy, float* yy);
-    // sqrt(max(det - alpha trace^2, 0)) of the windowed second-moment matrix.
-    void (*corner_response)(const float* xx, const float* xy, const float* yy, float alpha, int n,
-                            float* out);
-    // out[x] += weight * in[x]
-    void (*add_scaled)(const float* in, float weight, int n, float* out);
+    // Products of the central-difference gradient g, or of g / sqrt(|g| + compression) where that is not 0;
+    // `row` has one more pixel on both sides.
+    void (*gradient_products)(const float* above, const float* row, const float* below, float gain,
+                              float compression, int n, float* xx, float* xy, float* yy);
+    // sqrt(max(det - alpha trace^2, 0)) of the products windowed along the row, plus weight * coarse[x]; the
+    // products have `radius` more pixels on both sides.
+    void (*corner_response)(const float* xx, const float* xy, const float* yy, const float* taps, int radius,
+                            float alpha, const float* coarse, float weight, int n, float* out);
     // flags[x] = 1 where row[x] > floor and no 3x3 neighbour is greater.
     void (*peaks)(const float* above, const float* row, const float* below, float floor, int n,
                   std::uint8_t* flags);

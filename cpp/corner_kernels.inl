@@ -39,38 +39,62 @@ void symmetric_filter(const float* const* rows, const float* taps, int radius, i
     }
 }
 
-void gradient_products(const float* above, const float* row, const float* below, float gain, int n,
-                       float* __restrict xx, float* __restrict xy, float* __restrict yy) {
+void gradient_products(const float* above, const float* row, const float* below, float gain,
+                       float compression, int n, float* __restrict xx, float* __restrict xy,
+                       float* __restrict yy) {
     for (int x = 0; x < n; ++x) {
         const float gx = gain * (row[x + 1] - row[x - 1]);
         const float gy = gain * (below[x] - above[x]);
-        xx[x] = gx * gx;
-        xy[x] = gx * gy;
-        yy[x] = gy * gy;
-    }
-}
-
-void compress(float compression, int n, float* __restrict xx, float* __restrict xy, float* __restrict yy) {
-    for (int x = 0; x < n; ++x) {
-        const float weight = 1.0f / (__builtin_sqrtf(xx[x] + yy[x]) + compression);
-        xx[x] *= weight;
-        xy[x] *= weight;
-        yy[x] *= weight;
+        const float gxx = gx * gx, gyy = gy * gy;
+        const float weight = compression > 0.0f ? 1.0f / (__builtin_sqrtf(gxx + gyy) + compression) : 1.0f;
+        xx[x] = gxx * weight;
+        xy[x] = gx * gy * weight;
+        yy[x] = gyy * weight;
     }
 }
 
 inline float larger(float a, float b) { return a > b ? a : b; }
 
-void corner_response(const float* xx, const float* xy, const float* yy, float alpha, int n,
-                     float* __restrict out) {
+template <int R>
+inline float windowed(const float* p, const float* taps) {
+    float sum = taps[0] * p[0];
+    for (int i = 1; i <= R; ++i) sum += taps[i] * (p[-i] + p[i]);
+    return sum;
+}
+
+template <int R>
+void response_radius(const float* xx, const float* xy, const float* yy, const float* taps, float alpha,
+                     const float* coarse, float weight, int n, float* __restrict out) {
+    float tap[R + 1];
+    for (int i = 0; i <= R; ++i) tap[i] = taps[i];
     for (int x = 0; x < n; ++x) {
-        const float trace = xx[x] + yy[x];
-        out[x] = __builtin_sqrtf(larger(xx[x] * yy[x] - xy[x] * xy[x] - alpha * trace * trace, 0.0f));
+        const float a = windowed<R>(xx + x, tap), b = windowed<R>(xy + x, tap), c = windowed<R>(yy + x, tap);
+        const float trace = a + c;
+        const float measure = a * c - b * b - alpha * trace * trace;
+        out[x] = __builtin_sqrtf(larger(measure, 0.0f)) + weight * coarse[x];
     }
 }
 
-void add_scaled(const float* in, float weight, int n, float* __restrict out) {
-    for (int x = 0; x < n; ++x) out[x] += weight * in[x];
+void corner_response(const float* xx, const float* xy, const float* yy, const float* taps, int radius,
+                     float alpha, const float* coarse, float weight, int n, float* out) {
+    switch (radius) {
+        case 1:
+            return response_radius<1>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 2:
+            return response_radius<2>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 3:
+            return response_radius<3>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 4:
+            return response_radius<4>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 5:
+            return response_radius<5>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 6:
+            return response_radius<6>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        case 7:
+            return response_radius<7>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+        default:
+            return response_radius<8>(xx, xy, yy, taps, alpha, coarse, weight, n, out);
+    }
 }
 
 void peaks(const float* above, const float* row, const float* below, float floor, int n,
@@ -132,8 +156,7 @@ void stretch_row(const float* in, bool odd, int n, float* __restrict out) {
 
 }  // namespace
 
-extern const RowKernels kernels = {
-    symmetric_filter, gradient_products, compress, corner_response, add_scaled, peaks,
-    halve_row,        halve_column,      blend,    stretch_row};
+extern const RowKernels kernels = {symmetric_filter, gradient_products, corner_response, peaks,
+                                   halve_row,        halve_column,      blend,           stretch_row};
 
 }  // namespace facetcam::FACETCAM_ISA

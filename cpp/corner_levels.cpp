@@ -73,7 +73,8 @@ ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse
       yy_(2 * radius_of(window_) + 1, width_),
       response_(kept + 1, width_),
       windowed_(3, width_),
-      column_(1, width_) {
+      column_(1, width_),
+      stretched_(1, width_) {
     next_response_ = std::max(0, first);
     next_product_ = std::max(0, next_response_ - radius_of(window_));
     next_smooth_ = std::max(0, next_product_ - 1);
@@ -117,28 +118,30 @@ void ResponseRows::make_product(int y) {
     for (; next_smooth_ <= std::min(y + 1, height_ - 1); ++next_smooth_) make_smooth(next_smooth_);
     const float gain = 0.5f * options_.blur_sigma;
     kernels_.gradient_products(smooth_[mirrored(y - 1, height_)], smooth_[y],
-                               smooth_[mirrored(y + 1, height_)], gain, width_, xx_[y], xy_[y], yy_[y]);
-    if (options_.compression > 0.0f) kernels_.compress(options_.compression, width_, xx_[y], xy_[y], yy_[y]);
+                               smooth_[mirrored(y + 1, height_)], gain, options_.compression, width_, xx_[y],
+                               xy_[y], yy_[y]);
 }
 
 void ResponseRows::make_response(int y) {
-    for (; next_product_ <= std::min(y + radius_of(window_), height_ - 1); ++next_product_)
-        make_product(next_product_);
+    const int radius = radius_of(window_);
+    for (; next_product_ <= std::min(y + radius, height_ - 1); ++next_product_) make_product(next_product_);
     Ring* products[] = {&xx_, &xy_, &yy_};
     for (int i = 0; i < 3; ++i) {
-        filter_rows(*products[i], y, window_, column_[0]);
-        filter_columns(column_[0], window_, windowed_[i]);
+        filter_rows(*products[i], y, window_, windowed_[i]);
+        mirror_ends(windowed_[i], width_, radius);
     }
-    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], options_.alpha, width_, response_[y]);
-    if (coarse_) add_coarse(y);
+    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], window_.data(), radius, options_.alpha,
+                             coarse_row(y), options_.coarse_weight, width_, response_[y]);
 }
 
-void ResponseRows::add_coarse(int y) {
-    const Neighbours rows = coarse_neighbours(y, height_, coarse_->height);
-    kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight, coarse_->width,
-                   column_[0]);
-    kernels_.stretch_row(column_[0], width_ % 2, coarse_->width, windowed_[0]);
-    kernels_.add_scaled(windowed_[0], options_.coarse_weight, width_, response_[y]);
+const float* ResponseRows::coarse_row(int y) {
+    if (coarse_) {
+        const Neighbours rows = coarse_neighbours(y, height_, coarse_->height);
+        kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight, coarse_->width,
+                       column_[0]);
+        kernels_.stretch_row(column_[0], width_ % 2, coarse_->width, stretched_[0]);
+    }
+    return stretched_[0];  // zeros where there is no coarser scale
 }
 
 }  // namespace facetcam

@@ -52,7 +52,7 @@ class ResponseRows {
     void make_smooth(int y);
     void make_product(int y);
     void make_response(int y);
-    void add_coarse(int y);
+    const float* coarse_row(int y);
     const float* source_row(int y);
     void filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out);
     void filter_columns(float* row, const std::vector<float>& taps, float* out);
@@ -63,7 +63,7 @@ class ResponseRows {
     const RowKernels& kernels_;
     const int octave_, width_, height_;
     const std::vector<float> blur_, window_;
-    Ring source_, smooth_, xx_, xy_, yy_, response_, windowed_, column_;
+    Ring source_, smooth_, xx_, xy_, yy_, response_, windowed_, column_, stretched_;
     int next_source_, next_smooth_, next_product_, next_response_;
 };
 

@@ -20,7 +20,7 @@ case $(uname -m) in
         compile cpp/corner_kernels_avx512 -mavx512f -mavx512bw -mavx512vl -mavx512dq
         ;;
 esac
-for source in cpp/corner_kernels cpp/corner_kernels_baseline cpp/corner_levels cpp/corners cpp/light cpp/matching \
+for source in cpp/parallel cpp/corner_kernels cpp/corner_kernels_baseline cpp/corner_levels cpp/corners cpp/light cpp/matching \
     cpp/octaves cpp/selection tests/native/fuzz_features; do
     compile $source
 done

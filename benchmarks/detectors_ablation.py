@@ -1,0 +1,57 @@
+"""SIICF with one ingredient changed at a time: protocol B on the Oxford sets, top 1000 and top 300."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from _common import data_folder, show
+
+from facetcam.evaluation.datasets import find_sequences
+from facetcam.evaluation.detectors import score_pairs
+from facetcam.evaluation.peers import Peer
+from facetcam.features import SIICF, describe
+
+VARIANTS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "no threshold": {"threshold": 0.0},
+    "eta 1e5: no logarithm": {"eta": 1e5, "threshold": 0.0},
+    "eta 16": {"eta": 16.0},
+    "gradients not compressed": {"compression": 0.0, "threshold": 0.004},
+    "one scale": {"scales": 1},
+    "two scales": {"scales": 2},
+    "four scales": {"scales": 4},
+    "coarse scales weigh 1": {"coarse_weight": 1.0},
+    "alpha 0": {"alpha": 0.0},
+    "alpha 0.04": {"alpha": 0.04},
+    "suppression 3x3": {"suppression": 1},
+    "suppression 7x7": {"suppression": 3},
+    "even spread, 40 px cells": {"spread": 40},
+    "paper mode": {"mode": "paper"},
+}
+SETS = ("leuven", "ubc", "bark", "graf")
+
+
+def main() -> None:
+    sequences = [next(find_sequences(data_folder() / "oxford" / name)) for name in SETS]
+    pairs = []
+    for sequence in sequences:
+        first, *others = sequence.images()
+        pairs.append([(first, other, H) for other, H in zip(others, sequence.homographies, strict=True)])
+    rows = []
+    for name, options in VARIANTS.items():
+        peer = Peer(
+            SIICF.create(max_features=None, **options).detect, lambda image, top: describe(image, top)
+        )
+        best = [score_pairs(of_set, peer, "B", 1000) for of_set in pairs]
+        few = [score_pairs(of_set, peer, "B", 300)["B"] for of_set in pairs]
+        scores = [f"{found['B']:.3f}" for found in best]
+        points = f"{np.mean([found['points'] for found in best]):.0f}"
+        mean = f"{np.mean([found['B'] for found in best]):.3f}"
+        rows.append((name, *scores, mean, points, f"{np.mean(few):.3f}", f"{best[0]['B px']:.2f}"))
+    columns = ("SIICF with", *SETS, "mean", "points", "top 300", "leuven px")
+    show("Protocol B, top 1000", columns, rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Time of detectors on one 1600x1200 frame, the gain of a second thread, and the memory of SIICF."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from _common import data_folder, show
+
+from facetcam.features import SIICF
+from facetcam.features.images import Image
+
+ROUNDS = 9
+
+
+def frame() -> Image:
+    """First frame of the mirror film, 1600x1200 grey."""
+    ok, image = cv2.VideoCapture(str(data_folder() / "house" / "loop.mp4")).read()
+    assert ok, "house/loop.mp4 has no frame"
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+
+
+def textured() -> Image:
+    """A wall full of detail, 1600x1200."""
+    wall = cv2.imread(str(data_folder() / "oxford" / "graf" / "img1.png"), cv2.IMREAD_GRAYSCALE)
+    return np.asarray(cv2.resize(wall, (1600, 1200)))
+
+
+def extra_memory(image: Image) -> float:
+    """Growth of the peak memory of this process by a first detection, in sizes of the image."""
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    SIICF.create(scales=4, threads=1).detect(image)
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / image.nbytes
+
+
+def medians(detectors: dict[str, Callable[[Image], object]], image: Image) -> dict[str, float]:
+    """Milliseconds by name: medians of rounds in which every detector has its turn."""
+    seconds: dict[str, list[float]] = {name: [] for name in detectors}
+    for _ in range(ROUNDS):
+        for name, detect in detectors.items():
+            start = time.perf_counter()
+            detect(image)
+            seconds[name].append(time.perf_counter() - start)
+    return {name: 1000 * float(np.median(values)) for name, values in seconds.items()}
+
+
+def main() -> None:
+    images = {"film": frame(), "wall": textured()}
+    print(f"peak extra memory of SIICF: {extra_memory(images['film']):.1f} x the image")
+    extra = cv2.xfeatures2d
+    detectors = {
+        "SIICF, 4 scales": SIICF.create(scales=4, threads=1).detect,
+        "SIICF, 3 scales": SIICF.create(threads=1).detect,
+        "SIICF, 4 scales, 2 threads": SIICF.create(scales=4, threads=2).detect,
+        "SIICF paper": SIICF.create(mode="paper").detect,
+        "ORB": cv2.ORB.create().detect,
+        "GFTT": cv2.GFTTDetector.create().detect,
+        "AKAZE": extra.AKAZE.create().detect if hasattr(extra, "AKAZE") else cv2.AKAZE.create().detect,
+        "SIFT": cv2.SIFT.create().detect,
+        "Harris-Laplace": extra.HarrisLaplaceFeatureDetector.create().detect,
+    }
+    cv2.setNumThreads(1)
+    for title, image in images.items():
+        times = medians(detectors, image)
+        own = times["SIICF, 4 scales"]
+        rows = [(name, f"{ms:.1f}", f"{ms / own:.2f}") for name, ms in times.items()]
+        show(f"{title}, 1600x1200, one thread but where said", ("detector", "ms", "/ SIICF, 4 scales"), rows)
+
+
+if __name__ == "__main__":
+    main()
