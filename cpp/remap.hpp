@@ -5,7 +5,7 @@
 
 namespace facetcam {
 
-constexpr int kFractionBits = 11;  // 1/2048 px; three factors of a byte still fit an int
+constexpr int kFractionBits = 11;  // 1/2048 px
 
 // Upper left source pixel and the fractions to the right and down, in 1/2048 px.
 struct Source {

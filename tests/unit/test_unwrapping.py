@@ -149,6 +149,16 @@ def test_resampling_is_bilinear(dtype: type, channels: tuple[int, ...]) -> None:
         np.testing.assert_allclose(picture.reshape(expected.shape), expected, atol=tolerance)
 
 
+def test_a_colour_picture_is_its_three_grey_ones() -> None:
+    frame = np.random.default_rng(3).integers(0, 256, (600, 800, 3), dtype=np.uint8)
+    unwrapper = unwrap(RIGS["table"])
+    colour = unwrapper(frame)
+    for channel in range(3):
+        grey = unwrapper(np.ascontiguousarray(frame[:, :, channel]))
+        for name, picture in grey.items():
+            np.testing.assert_array_equal(colour[name][:, :, channel], picture)
+
+
 def test_the_result_does_not_depend_on_threads() -> None:
     unwrapper = unwrap(RIGS["folded"], size=(640, 480))
     frame = np.random.default_rng(1).integers(0, 256, (600, 800, 3), dtype=np.uint8)
