@@ -43,8 +43,9 @@ def test_save_and_load_keep_everything(tmp_path: Path, make: Callable[[], Rig]) 
     rig = make()
     region = np.array([[0.25, 0.0], [1599.0, 0.0], [1599.0, 1199.0], [0.0, 1199.0]])
     views = {name: View(view.mirrors, region) for name, view in rig.views.items()}
-    mirrors = {**rig.mirrors, "wall": Mirror.from_plane("wall", [0.6, 0.8, 0.0], 1 / 3)}
-    rig = Rig(rig.camera, rig.T_rig_cam, mirrors, views)
+    normals = np.random.default_rng(5).normal(size=(20, 3))
+    walls = {f"wall{i}": Mirror.from_plane(f"wall{i}", n, 3.0 + i / 3) for i, n in enumerate(normals)}
+    rig = Rig(rig.camera, rig.T_rig_cam, rig.mirrors | walls, views)
     path = tmp_path / "rig.yaml"
     rig.save(path)
     assert Rig.load(path).digest == rig.digest

@@ -83,6 +83,8 @@ class Mirror:
             raise RigError(
                 f"mirror '{name}': plane takes a normal [x, y, z] that is not zero and a finite offset"
             )
+        if abs(length - 1.0) < 1e-12:  # a normal that was saved comes back bit by bit
+            return cls(n, float(offset))
         return cls(n / length, float(offset) / length)
 
     @property
