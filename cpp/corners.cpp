@@ -75,36 +75,50 @@ std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& o
     return options.cell ? spread_evenly(corners, options.cell, width, wanted) : corners;
 }
 
-// The octave whose own response is greatest at the corner.
-int best_octave(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
-                float coarse_weight) {
-    int best = 0;
-    float sum = corner.response, best_own = -1.0f;
-    const int count = static_cast<int>(maps.size());
-    for (int octave = 0; octave < count; ++octave) {
+// The responses of the single octaves at a corner, from their sum and the maps of the coarser sums.
+std::vector<float> own_responses(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
+                                 float coarse_weight) {
+    std::vector<float> own;
+    float sum = corner.response;
+    for (std::size_t octave = 0; octave < maps.size(); ++octave) {
         float coarse = 0.0f;
-        if (octave + 1 < count) {
-            const OctaveGrid& grid = octaves.grid(octave);
+        if (octave + 1 < maps.size()) {
+            const OctaveGrid& grid = octaves.grid(static_cast<int>(octave));
             const auto nearest = [&](float place, float origin, int size) {
                 return std::clamp(static_cast<int>(std::lround((place - origin) / grid.step)), 0, size - 1);
             };
             coarse = upsampled(maps[octave + 1], grid, nearest(corner.x, grid.origin_x, grid.width),
                                nearest(corner.y, grid.origin_y, grid.height));
         }
-        const float own = sum - coarse_weight * coarse;
-        if (own > best_own) {
-            best_own = own;
-            best = octave;
-        }
+        own.push_back(sum - coarse_weight * coarse);
         sum = coarse;
     }
-    return best;
+    return own;
+}
+
+struct Scale {
+    int octave;
+    float sigma;  // of the window, source pixels
+};
+
+// The octave that answers most, and between the octaves the peak of the parabola through its neighbours;
+// outside of the octaves there is no response.
+Scale best_scale(const Octaves& octaves, const std::vector<float>& own, float window_sigma) {
+    const auto best = std::max_element(own.begin(), own.end());
+    const float finer = best == own.begin() ? 0.0f : best[-1],
+                coarser = best + 1 == own.end() ? 0.0f : best[1];
+    const float bend = finer + coarser - 2.0f * *best;
+    const float shift = bend < 0.0f ? std::clamp(0.5f * (finer - coarser) / bend, -0.5f, 0.5f) : 0.0f;
+    const int octave = static_cast<int>(best - own.begin());
+    return {octave, window_sigma * octaves.grid(octave).step * std::exp2(shift)};
 }
 
 Keypoint with_size_and_angle(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
                              const DetectorOptions& options) {
-    const int octave = best_octave(octaves, maps, corner, options.response.coarse_weight);
-    const float size = kSizePerWindow * options.response.window_sigma * octaves.grid(octave).step;
+    const ResponseOptions& response = options.response;
+    const auto own = own_responses(octaves, maps, corner, response.coarse_weight);
+    const auto [octave, sigma] = best_scale(octaves, own, response.window_sigma);
+    const float size = kSizePerWindow * sigma;
     float angle = 0.0f;
     if (options.oriented) {
         const int above = std::min(octave + 1, octaves.count() - 1);

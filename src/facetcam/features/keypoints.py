@@ -30,7 +30,7 @@ class Keypoints:
     response : (N,) float32
         Strength; comparable only within one image.
     level : (N,) int32
-        Index of the scale that found the point, 0 is the finest.
+        Index of the scale that answers most, 0 is the finest.
     """
 
     xy: Floats
