@@ -64,6 +64,6 @@ class SlamConfig:
     keyframe_parallax: float = 0.08
     keyframe_angle: float = 0.2
     keyframe_overlap: float = 0.65
-    window: int = 10
+    window: int = 8
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02

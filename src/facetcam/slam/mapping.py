@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _OCCUPIED = 5.0  # px round an observed point in which no new one is made
-_LOCAL_STOP = (8, 1e-4)  # iterations, relative change of the cost
+_LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
 _GLOBAL_STOP = (30, 1e-6)  # the scale of a map converges slowly
 _SCALE_HOLD = 0.3
 _PARTNERS = 4  # keyframes against which a new one is triangulated
