@@ -114,7 +114,9 @@ def _add_reprojections(
     model = pycolmap.CameraModelId.SIMPLE_PINHOLE
     pinhole = np.array([optics.focal, 0.0, 0.0])
     view_from_rig = [_rigid(T) for T in optics.T_view_rig]
-    for k, v, p, seen in zip(bundle.frame.tolist(), bundle.view.tolist(), bundle.point.tolist(), bundle.plane):
+    for k, v, p, seen in zip(
+        bundle.frame.tolist(), bundle.view.tolist(), bundle.point.tolist(), bundle.plane
+    ):
         cost = RigReprojErrorCost(model, seen, view_from_rig[v])
         problem.add_residual_block(cost, loss, [points[p], poses[k], pinhole])
     problem.set_parameter_block_constant(pinhole)

@@ -28,14 +28,23 @@ def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, opti
     """
     T = optics.T_view_rig[view] @ se3.inverse(T_a_b) @ optics.T_rig_view[view]
     E = se3.skew(T[:3, 3]) @ T[:3, :3]
-    a, b = (np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b))
+    a, b = (
+        np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b)
+    )
     line_b, line_a = a @ E.T, b @ E
     slope2 = line_a[..., 0] ** 2 + line_a[..., 1] ** 2 + line_b[..., 0] ** 2 + line_b[..., 1] ** 2
     return optics.focal * np.sum(b * line_b, axis=-1) / np.sqrt(np.maximum(slope2, 1e-20))
 
 
 def match_along_epipolars(
-    a: Corners, rows_a: Index, b: Corners, rows_b: Index, T_a_b: Array, gate: float, optics: Optics, config: SlamConfig
+    a: Corners,
+    rows_a: Index,
+    b: Corners,
+    rows_b: Index,
+    T_a_b: Array,
+    gate: float,
+    optics: Optics,
+    config: SlamConfig,
 ) -> tuple[Index, Index]:
     """Match rows of two frames' corners that lie on each other's epipolar lines within `gate` pixels.
 

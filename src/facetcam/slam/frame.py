@@ -66,7 +66,9 @@ def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, in
             "use the rig that belongs to this film"
         )
     if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3):
-        raise FacetcamError(f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype}")
+        raise FacetcamError(
+            f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype}"
+        )
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if grey.dtype == np.uint16:
         grey = cv2.convertScaleAbs(grey, alpha=1.0 / 257.0)

@@ -58,7 +58,9 @@ class Keyframe:
     frame: Frame | None
     odometry: Array | None
     observations: Observations = field(default_factory=Observations)
-    free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))  # corners that are no map point yet
+    free: NDArray[np.bool_] = field(
+        default_factory=lambda: np.empty(0, bool)
+    )  # corners that are no map point yet
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
 
 

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
-from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
@@ -87,7 +87,9 @@ class Mapper:
         """Match the free corners of two keyframes and add those whose rays meet as map points."""
         a, b = np.flatnonzero(new.free), np.flatnonzero(old.free)
         T_new_old = se3.inverse(new.T_world_rig) @ old.T_world_rig
-        a, b = match_along_epipolars(new.corners, a, old.corners, b, T_new_old, gate, self._optics, self._config)
+        a, b = match_along_epipolars(
+            new.corners, a, old.corners, b, T_new_old, gate, self._optics, self._config
+        )
         xyz, consistent = self._meet(new, a, old, b, gate)
         a, b, xyz = a[consistent], b[consistent], xyz[consistent]
         ids, kept = self._map.add_points(xyz, new, a, self._optics)
@@ -100,7 +102,9 @@ class Mapper:
         corners = new.corners
         new.observations.append(ids, corners.views[a], corners.pixels[a], corners.plane[a])
 
-    def _meet(self, new: Keyframe, a: Index, old: Keyframe, b: Index, gate: float) -> tuple[Array, NDArray[np.bool_]]:
+    def _meet(
+        self, new: Keyframe, a: Index, old: Keyframe, b: Index, gate: float
+    ) -> tuple[Array, NDArray[np.bool_]]:
         """Triangulate corner pairs, and tell which fit both images with enough parallax."""
         rays = []
         for keyframe, rows in ((new, a), (old, b)):
@@ -149,7 +153,9 @@ class Mapper:
         window = self.window
         ids = self._map.observed_points(window)
         shared = [int(np.isin(k.observations.point, ids).sum()) for k in self._map.keyframes[: -len(window)]]
-        anchors = [self._map.keyframes[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]]
+        anchors = [
+            self._map.keyframes[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]
+        ]
         anchors.sort(key=lambda k: k.index)
         self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_STOP)
 

@@ -58,6 +58,11 @@ class Measurements:
     pixels: Array
     plane: Array
 
+    @classmethod
+    def none(cls) -> Measurements:
+        """Nothing found."""
+        return cls(np.empty(0, np.int64), np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 2)))
+
     def __len__(self) -> int:
         return len(self.point)
 

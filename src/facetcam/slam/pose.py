@@ -114,7 +114,9 @@ def linearise(
     by_local[:, 0, 0] = by_local[:, 1, 1] = optics.focal / depth
     by_local[:, :, 2] = -predicted / depth[:, None]
     by_rig = by_local @ optics.T_view_rig[views, :3, :3]
-    by_twist = np.concatenate([se3.skew(points_rig), np.broadcast_to(-np.eye(3), (len(points), 3, 3))], axis=2)
+    by_twist = np.concatenate(
+        [se3.skew(points_rig), np.broadcast_to(-np.eye(3), (len(points), 3, 3))], axis=2
+    )
     J = by_rig @ by_twist
     J[~in_front] = 0.0
     return np.where(in_front[:, None], predicted - plane, 0.0), J

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import linearise

@@ -1,4 +1,4 @@
-"""The first map: two frames far enough apart, their motion from odometry or from the images alone."""
+"""Two frames: their matching corners, and the motion between them from the images alone."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_GATE = 2.0  # px
 _EPIPOLAR_SIGMA = 0.5  # px
 _LENGTH_PRIOR = 3.0
-_FITTING = 0.6  # share of the matches that the right motion explains
+_FITTING = 0.8  # share of the matches that the right motion explains
 _MIN_VIEW_MATCHES = 20
 
 
@@ -105,7 +105,9 @@ def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
 
 def enough_parallax(a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig) -> bool:
     """Tell whether two frames with a known motion can start a map."""
-    rows = match_along_epipolars(a, np.arange(len(a)), b, np.arange(len(b)), T_a_b, START_GATE, optics, config)
+    rows = match_along_epipolars(
+        a, np.arange(len(a)), b, np.arange(len(b)), T_a_b, START_GATE, optics, config
+    )
     return Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE) >= MIN_MATCHES
 
 

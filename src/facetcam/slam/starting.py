@@ -1,0 +1,151 @@
+"""The first map: frames wait until two of them show enough parallax."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeGuard
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import CornerFinder, Frame
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.mapping import Mapper
+from facetcam.slam.measure import Measurements
+from facetcam.slam.odometry import planar_motion, planar_pose
+from facetcam.slam.optics import Optics
+from facetcam.slam.tracking import Fix, Tracker
+from facetcam.slam.two_frames import (
+    MIN_MATCHES,
+    START_GATE,
+    Pairs,
+    enough_parallax,
+    estimate_motion,
+    match_corners,
+)
+
+Array = NDArray[np.float64]
+
+_MAX_WAITING = 40
+_IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
+_LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """A frame before the map."""
+
+    frame: Frame
+    odometry: Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The first two keyframes, the frames solved besides, and the motion of the last frame step."""
+
+    first: Keyframe
+    last: Keyframe
+    solved: list[tuple[float, Array]]
+    T_step: Array
+
+
+class Starter:
+    """Keeps frames until a pair of them can start the map; it never invents a motion.
+
+    Parameters
+    ----------
+    map, optics, config, corners, mapper, tracker
+        The parts of the system.
+    """
+
+    def __init__(
+        self,
+        map: Map,
+        optics: Optics,
+        config: SlamConfig,
+        corners: CornerFinder,
+        mapper: Mapper,
+        tracker: Tracker,
+    ) -> None:
+        self._map = map
+        self._optics = optics
+        self._config = config
+        self._corners = corners
+        self._mapper = mapper
+        self._tracker = tracker
+        self._waiting: list[Waiting] = []
+        self._passed: list[Waiting] = []  # left behind, to be solved backwards from the map
+
+    def offer(self, frame: Frame, odometry: Array | None) -> Start | None:
+        """Take one more frame; returns the start once there is one."""
+        new = Waiting(frame, odometry)
+        self._waiting.append(new)
+        while len(self._waiting) > 1:
+            first = self._waiting[0]
+            pairs = match_corners(self._corners(first.frame), self._corners(frame), self._config)
+            T_first_new = self._motion(first, new, pairs)
+            start = None if T_first_new is None else self._first_map(first, new, T_first_new)
+            if start is not None:
+                return start
+            in_sight = len(pairs) >= max(MIN_MATCHES, _IN_SIGHT * len(self._corners(first.frame)))
+            if in_sight and len(self._waiting) <= _MAX_WAITING:
+                break
+            self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]
+        return None
+
+    def _motion(self, first: Waiting, new: Waiting, pairs: Pairs) -> Array | None:
+        if first.odometry is None or new.odometry is None:
+            return estimate_motion(pairs, self._optics)
+        T, _ = planar_motion(first.odometry, new.odometry, 0.0)
+        a, b = self._corners(first.frame), self._corners(new.frame)
+        return T if enough_parallax(a, b, T, self._optics, self._config) else None
+
+    def _first_map(self, first: Waiting, new: Waiting, T_first_new: Array) -> Start | None:
+        """Make two keyframes and try the map on the frames between them; forget it where it fails."""
+        origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
+        a = self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, START_GATE)
+        b = self._mapper.insert(
+            new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE
+        )
+        solved, share = self._between(a, b)
+        if self._map.points.alive.sum() < MIN_MATCHES // 2 or share < _LEAST_CLEAR:
+            self._map.clear()
+            return None
+        solved += self._before(a)
+        T_step = se3.inverse(_interpolated(a, b, self._waiting[-2].frame.timestamp)) @ b.T_world_rig
+        self._waiting, self._passed = [], []
+        return Start(a, b, solved, T_step)
+
+    def _between(self, a: Keyframe, b: Keyframe) -> tuple[list[tuple[float, Array]], float]:
+        """Poses of the frames between the first keyframes, and the share of these frames that fit."""
+        solved = []
+        for waiting in self._waiting[1:-1]:
+            time = waiting.frame.timestamp
+            fix = self._tracker.find(waiting.frame, _interpolated(a, b, time))
+            if _is_clear(fix):
+                solved.append((time, fix.T_world_rig))
+        return solved, len(solved) / max(len(self._waiting) - 2, 1) if len(self._waiting) > 2 else 1.0
+
+    def _before(self, a: Keyframe) -> list[tuple[float, Array]]:
+        """Poses of the frames that were left behind, from the first keyframe backwards."""
+        solved = []
+        T = a.T_world_rig
+        for waiting in reversed(self._passed):
+            fix = self._tracker.find(waiting.frame, T)
+            if not _is_clear(fix):
+                break
+            T = fix.T_world_rig
+            solved.append((waiting.frame.timestamp, T))
+        return solved
+
+
+def _is_clear(fix: Fix | None) -> TypeGuard[Fix]:
+    return fix is not None and fix.clear
+
+
+def _interpolated(a: Keyframe, b: Keyframe, timestamp: float) -> Array:
+    """Pose between two keyframes at a constant twist."""
+    share = (timestamp - a.timestamp) / (b.timestamp - a.timestamp)
+    return a.T_world_rig @ se3.exp(share * se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig))

@@ -1,0 +1,139 @@
+"""Where the rig is in the map: patches near a prediction, or descriptors without one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.features import match_mutual, match_windowed
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import CornerFinder, Frame
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measure import Measurements, Predictions, measure, predict, thin
+from facetcam.slam.optics import Optics
+from facetcam.slam.pose import Pose, generalized_pose, refine_pose
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_NEAR_KEYFRAMES = 10
+_LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
+_CLEAR = 0.5  # share of the predictions that a good pose confirms
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """A pose, the map points expected with it, and the measurements that agree."""
+
+    pose: Pose
+    predictions: Predictions
+    seen: Measurements
+
+    @property
+    def T_world_rig(self) -> Array:
+        """Pose (4, 4) of the rig."""
+        return self.pose.T_world_rig
+
+    @property
+    def clear(self) -> bool:
+        """Tell whether most of what was expected is there: look-alikes rarely agree so far."""
+        return len(self.seen) >= _CLEAR * len(self.predictions)
+
+
+class Tracker:
+    """Finds the pose of frames in the map.
+
+    Parameters
+    ----------
+    map : Map
+    optics : Optics
+    config : SlamConfig
+    corners : CornerFinder
+    """
+
+    def __init__(self, map: Map, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
+        self._map = map
+        self._optics = optics
+        self._config = config
+        self._corners = corners
+
+    def find(self, frame: Frame, predicted: Array) -> Fix | None:
+        """Pose of a frame near a prediction; where patches agree poorly the descriptors are asked too."""
+        fix = self._locate(frame, predicted)
+        if fix is not None and fix.clear:
+            return fix
+        other = self._relocate(frame, predicted)
+        return max(fix, other, key=lambda f: 0 if f is None else len(f.seen))
+
+    def record(self, fix: Fix) -> None:
+        """Count what was expected and what was found, by which unreliable points are known."""
+        np.add.at(self._map.points.predicted, fix.predictions.point, 1)
+        np.add.at(self._map.points.found, fix.seen.point, 1)
+
+    def _local_points(self, T_world_rig: Array) -> Index:
+        """Points of the keyframes nearest in space, whatever their heading, and of the latest ones."""
+        near: dict[int, Keyframe] = {k.index: k for k in self._map.near(T_world_rig[:3, 3], _NEAR_KEYFRAMES)}
+        near |= {k.index: k for k in self._map.keyframes[-self._config.window :]}
+        return self._map.observed_points(list(near.values()))
+
+    def _expect(self, T_world_rig: Array) -> Predictions:
+        return predict(self._map.points, self._local_points(T_world_rig), T_world_rig, self._optics)
+
+    def _locate(self, frame: Frame, predicted: Array) -> Fix | None:
+        """Pose from map points whose patches are aligned near their predictions."""
+        points, config = self._map.points, self._config
+        expected = thin(self._expect(predicted), points, config.measured_points // self._optics.n_views)
+        seen, _ = measure(frame, expected, points, self._optics, config)
+        if len(seen) < config.min_inliers:
+            return None
+        pose = refine_pose(
+            predicted, points.xyz[seen.point], seen.view, seen.plane, self._optics, config.pixel_sigma
+        )
+        fits = pose.residuals < config.gate
+        if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
+            return None
+        return Fix(pose, expected, seen.take(fits))
+
+    def _relocate(self, frame: Frame, predicted: Array) -> Fix | None:
+        """Pose from corner descriptors: first near their predictions, then anywhere in the map."""
+        corners, config = self._corners(frame), self._config
+        for rows, candidates in self._matches(frame, predicted):
+            T, inliers = generalized_pose(
+                self._map.points.xyz[candidates],
+                corners.views[rows],
+                corners.plane[rows],
+                self._optics,
+                2.0 * config.gate,
+            )
+            if T is not None and inliers.sum() >= config.min_inliers:
+                fix = self._locate(frame, T)
+                if fix is not None:
+                    return fix
+        return None
+
+    def _matches(self, frame: Frame, predicted: Array) -> Iterator[tuple[Index, Index]]:
+        """Corner rows with the map points that look like them."""
+        points, config = self._map.points, self._config
+        corners = self._corners(frame)
+        expected = self._expect(predicted)
+        hits = match_windowed(
+            points.descriptor[expected.point],
+            expected.pixels,
+            expected.view,
+            corners.descriptors,
+            corners.pixels,
+            corners.views,
+            radius=config.search_radius * self._optics.camera.width,
+            max_distance=config.match_distance,
+            ratio=config.match_ratio,
+        )
+        rows = hits >= 0
+        yield hits[rows].astype(np.int64), expected.point[rows]
+        alive = np.flatnonzero(points.alive)
+        pairs = match_mutual(
+            corners.descriptors, points.descriptor[alive], config.match_ratio, config.match_distance
+        )
+        yield pairs[:, 0].astype(np.int64), alive[pairs[:, 1]]

@@ -1,0 +1,48 @@
+"""The poses of all frames, hung on keyframes so that they follow when the map is adjusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.map import Keyframe
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class _Hung:
+    timestamp: float
+    keyframe: Keyframe
+    T_keyframe_rig: Array
+    scale: float  # of the keyframe when the pose was found
+
+    def T_world_rig(self) -> Array:
+        T = self.T_keyframe_rig.copy()
+        T[:3, 3] *= self.keyframe.scale / self.scale
+        return self.keyframe.T_world_rig @ T
+
+
+@dataclass(slots=True)
+class Trajectory:
+    """Frames with a pose."""
+
+    _frames: list[_Hung] = field(default_factory=list)
+
+    def add(self, timestamp: float, T_world_rig: Array, keyframe: Keyframe) -> None:
+        """Hang the pose of a frame on a keyframe."""
+        T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
+        self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale))
+
+    def clear(self) -> None:
+        """Forget all frames."""
+        self._frames.clear()
+
+    def poses(self) -> tuple[Array, Array]:
+        """Timestamps (N,) and best current poses (N, 4, 4), in time order."""
+        frames = sorted(self._frames, key=lambda f: f.timestamp)
+        poses = np.array([f.T_world_rig() for f in frames]).reshape(-1, 4, 4)
+        return np.array([f.timestamp for f in frames]), poses
