@@ -19,7 +19,7 @@ _UNIT_STIFFNESS = 1e5
 
 @dataclass(slots=True)
 class RelativePose:
-    """A measured motion between two frames: `T_i_j` with the covariance (6, 6) of rotation and translation."""
+    """A measured motion `T_i_j` of two frames, with the covariance (6, 6) of rotation and translation."""
 
     i: int
     j: int
@@ -137,7 +137,7 @@ def _tie_poses(problem: Any, bundle: Bundle, poses: list[Array], pyceres: Any) -
     stands in for it.
     """
 
-    class UnitQuaternion(pyceres.CostFunction):  # type: ignore[misc]
+    class UnitQuaternion(pyceres.CostFunction):
         def __init__(self) -> None:
             super().__init__()
             self.set_num_residuals(1)

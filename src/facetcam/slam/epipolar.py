@@ -33,7 +33,7 @@ def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, opti
     )
     line_b, line_a = a @ E.T, b @ E
     slope2 = line_a[..., 0] ** 2 + line_a[..., 1] ** 2 + line_b[..., 0] ** 2 + line_b[..., 1] ** 2
-    return optics.focal * np.sum(b * line_b, axis=-1) / np.sqrt(np.maximum(slope2, 1e-20))
+    return np.asarray(optics.focal * np.sum(b * line_b, axis=-1) / np.sqrt(np.maximum(slope2, 1e-20)))
 
 
 def match_along_epipolars(

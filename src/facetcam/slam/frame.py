@@ -69,12 +69,15 @@ def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, in
         raise FacetcamError(
             f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype}"
         )
+    half = cv2.resize(grey := _grey_bytes(image), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return Frame(timestamp, image, grey, half)
+
+
+def _grey_bytes(image: NDArray[np.generic]) -> Image:
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     if grey.dtype == np.uint16:
         grey = cv2.convertScaleAbs(grey, alpha=1.0 / 257.0)
-    grey = np.ascontiguousarray(grey, dtype=np.uint8)
-    half = cv2.resize(grey, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    return Frame(timestamp, image, grey, half)
+    return np.ascontiguousarray(grey, dtype=np.uint8)
 
 
 class CornerFinder:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 PATCH_SIZE = 39
+_CAPACITY = 1024  # points at first; doubled when full
 
 
 @dataclass(slots=True)
@@ -49,7 +51,10 @@ class Observations:
 
 @dataclass(slots=True)
 class Keyframe:
-    """A frame that stays: its pose, observations and corners; its images only while it is in the window."""
+    """A frame that stays: its pose, observations and corners; its images only while it is in the window.
+
+    `free` marks the corners that are no map point yet.
+    """
 
     index: int
     timestamp: float
@@ -58,9 +63,7 @@ class Keyframe:
     frame: Frame | None
     odometry: Array | None
     observations: Observations = field(default_factory=Observations)
-    free: NDArray[np.bool_] = field(
-        default_factory=lambda: np.empty(0, bool)
-    )  # corners that are no map point yet
+    free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
 
 
@@ -80,42 +83,51 @@ class Points:
     predicted, found : (N,) how often the point was expected in a view, and measured there
     """
 
-    _COLUMNS: tuple[tuple[str, tuple[int, ...], type], ...] = (
-        ("xyz", (3,), np.float64),
-        ("patch", (PATCH_SIZE, PATCH_SIZE), np.uint8),
-        ("offset", (2,), np.float32),
-        ("tangent", (3, 2), np.float64),
-        ("jacobian", (2, 2), np.float64),
-        ("descriptor", (DESCRIPTOR_BYTES,), np.uint8),
-        ("colour", (3,), np.uint8),
-        ("alive", (), np.bool_),
-        ("predicted", (), np.int32),
-        ("found", (), np.int32),
-    )
+    xyz: Array
+    patch: NDArray[np.uint8]
+    offset: NDArray[np.float32]
+    tangent: Array
+    jacobian: Array
+    descriptor: NDArray[np.uint8]
+    colour: NDArray[np.uint8]
+    alive: NDArray[np.bool_]
+    predicted: NDArray[np.int32]
+    found: NDArray[np.int32]
 
     def __init__(self) -> None:
         self._count = 0
-        self._data = {name: np.zeros((1024, *shape), dtype) for name, shape, dtype in self._COLUMNS}
+        self._storage: dict[str, NDArray[Any]] = {
+            "xyz": np.zeros((_CAPACITY, 3)),
+            "patch": np.zeros((_CAPACITY, PATCH_SIZE, PATCH_SIZE), np.uint8),
+            "offset": np.zeros((_CAPACITY, 2), np.float32),
+            "tangent": np.zeros((_CAPACITY, 3, 2)),
+            "jacobian": np.zeros((_CAPACITY, 2, 2)),
+            "descriptor": np.zeros((_CAPACITY, DESCRIPTOR_BYTES), np.uint8),
+            "colour": np.zeros((_CAPACITY, 3), np.uint8),
+            "alive": np.zeros(_CAPACITY, np.bool_),
+            "predicted": np.zeros(_CAPACITY, np.int32),
+            "found": np.zeros(_CAPACITY, np.int32),
+        }
+        self._expose()
 
     def __len__(self) -> int:
         return self._count
 
-    def __getattr__(self, name: str) -> NDArray:  # type: ignore
-        try:
-            return self._data[name][: self._count]
-        except KeyError:
-            raise AttributeError(name) from None
+    def _expose(self) -> None:
+        """The public columns are views of the rows in use."""
+        for name, column in self._storage.items():
+            setattr(self, name, column[: self._count])
 
-    def extend(self, **columns: NDArray[np.generic]) -> Index:
+    def extend(self, **columns: NDArray[Any]) -> Index:
         """Add points; returns their ids."""
-        count = len(columns["xyz"])
-        ids = np.arange(self._count, self._count + count)
-        while self._count + count > len(self._data["xyz"]):
-            self._data = {name: np.concatenate([a, np.zeros_like(a)]) for name, a in self._data.items()}
+        ids = np.arange(self._count, self._count + len(columns["xyz"]))
+        self._count += len(ids)
+        while self._count > len(self._storage["xyz"]):
+            self._storage = {n: np.concatenate([c, np.zeros_like(c)]) for n, c in self._storage.items()}
         for name, values in columns.items():
-            self._data[name][ids] = values
-        self._data["alive"][ids] = True
-        self._count += count
+            self._storage[name][ids] = values
+        self._storage["alive"][ids] = True
+        self._expose()
         return ids
 
 
@@ -134,7 +146,7 @@ class Map:
         """Ids of living points that any of these keyframes saw."""
         if not keyframes:
             return np.empty(0, np.int64)
-        ids = np.unique(np.concatenate([k.observations.point for k in keyframes]))
+        ids: Index = np.unique(np.concatenate([k.observations.point for k in keyframes]))
         return ids[self.points.alive[ids]]
 
     def near(self, position: Array, count: int) -> list[Keyframe]:
@@ -190,14 +202,14 @@ def cut_patches(
 
 
 def tangents(points_rig: Array, views: NDArray[np.int8], optics: Optics) -> Array:
-    """Two steps (N, 3, 2) across each viewing ray, about a pixel long: the patch is taken to face the camera."""
+    """Two steps (N, 3, 2) of a pixel across each viewing ray: the patch is taken to face the camera."""
     rays = points_rig - optics.origins(views)
     depth = np.linalg.norm(rays, axis=1)
     rays = rays / depth[:, None]
     aside = np.cross(rays, optics.T_rig_view[views][:, :3, 1])
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     step = np.stack([aside, np.cross(rays, aside)], axis=-1)
-    return step * (depth / optics.focal)[:, None, None]
+    return np.asarray(step * (depth / optics.focal)[:, None, None])
 
 
 def colours(image: NDArray[np.generic], pixels: Array) -> NDArray[np.uint8]:

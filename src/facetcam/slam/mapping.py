@@ -186,7 +186,7 @@ class Mapper:
     def _bundle(self, keyframes: list[Keyframe], n_fixed: int, ids: Index) -> Bundle:
         rows = [np.isin(k.observations.point, ids) for k in keyframes]
         point = np.concatenate([k.observations.point[r] for k, r in zip(keyframes, rows)])
-        self._used, index, count = np.unique(point, return_inverse=True, return_counts=True)
+        self._used, index = np.unique(point, return_inverse=True)
         fixed = np.arange(len(keyframes)) < n_fixed
         return Bundle(
             T_world_rig=np.stack([k.T_world_rig for k in keyframes]),
@@ -210,7 +210,7 @@ class Mapper:
         return motions
 
     def _cull(self, keyframes: list[Keyframe], ids: Index) -> None:
-        """Drop observations that do not fit, then points that are seen from one place only or rarely found."""
+        """Drop observations that do not fit, then points seen from one place only or rarely found."""
         points = self._map.points
         for keyframe in keyframes:
             seen = keyframe.observations

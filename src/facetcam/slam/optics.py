@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.rig import NO_VIEW, Camera, Rig
+from facetcam.rig.camera import KANNALA_BRANDT
 
 Array = NDArray[np.float64]
 Index = NDArray[np.integer]
@@ -45,6 +46,8 @@ class Optics:
         self.labels = np.where(self.mask > 0, rig.labels(), NO_VIEW).astype(np.int8)
         self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
         self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
+        if rig.camera.model == KANNALA_BRANDT:
+            self._leave_out_steep_rays()
         self.T_rig_view = se3.inverse(self.T_view_rig)
         self.flipped = np.array([rig.is_flipped(name) for name in self.names])
         self.roll_degrees = np.array([self._roll(v) for v in range(self.n_views)])
@@ -66,6 +69,15 @@ class Optics:
         x = np.cross(z, up)
         x /= np.linalg.norm(x)
         return se3.inverse(se3.from_rotation_translation(np.column_stack([x, np.cross(z, x), z]), origins[0]))
+
+    def _leave_out_steep_rays(self) -> None:
+        """Drop the pixels of a wide lens that an ideal pinhole cannot hold."""
+        rows, columns = np.nonzero(self.labels != NO_VIEW)
+        views = self.labels[rows, columns]
+        rays = self.rays(np.column_stack([columns, rows]), views)
+        steep = np.einsum("ni,ni->n", rays, self.T_view_rig[views, 2, :3]) < _STEEPEST
+        self.labels[rows[steep], columns[steep]] = NO_VIEW
+        self.mask[rows[steep], columns[steep]] = 0
 
     def _roll(self, view: int) -> float:
         """Angle on the raw frame, in degrees, of the pinhole's x axis."""
@@ -106,7 +118,7 @@ class Optics:
     def rays(self, pixels: Array, views: Index) -> Array:
         """Unit directions (N, 3) in the rig frame of raw pixels seen through their views."""
         rotation = np.swapaxes(self._T_image_rig[views, :3, :3], 1, 2)
-        return np.einsum("nij,nj->ni", rotation, self.camera.ray(pixels))
+        return _rotated(rotation, self.camera.ray(pixels))
 
     def origins(self, views: Index) -> Array:
         """Virtual centres (N, 3) of views in the rig frame."""
@@ -114,18 +126,23 @@ class Optics:
 
     def plane(self, pixels: Array, views: Index) -> Array:
         """Where raw pixels fall on their view's ideal pinhole, (N, 2) in pixels from its principal point."""
-        rays = np.einsum("nij,nj->ni", self.T_view_rig[views, :3, :3], self.rays(pixels, views))
+        rays = _rotated(self.T_view_rig[views, :3, :3], self.rays(pixels, views))
         return self.focal * rays[:, :2] / np.maximum(rays[:, 2:], _STEEPEST)
 
     def plane_rays(self, plane: Array, views: Index) -> Array:
         """Unit directions (N, 3) in the rig frame of positions on the ideal pinholes."""
         local = np.column_stack([plane / self.focal, np.ones(len(plane))])
         local /= np.linalg.norm(local, axis=1, keepdims=True)
-        return np.einsum("nij,nj->ni", self.T_rig_view[views, :3, :3], local)
+        return _rotated(self.T_rig_view[views, :3, :3], local)
 
     def to_plane(self, points_rig: Array, views: Index) -> tuple[Array, Array]:
         """Points (N, 3) on the ideal pinholes of their views: plane coordinates (N, 2) and depths (N,)."""
         T = self.T_view_rig[views]
-        local = np.einsum("nij,nj->ni", T[:, :3, :3], points_rig) + T[:, :3, 3]
+        local = _rotated(T[:, :3, :3], points_rig) + T[:, :3, 3]
         depth = local[:, 2]
         return self.focal * local[:, :2] / np.where(np.abs(depth) < 1e-9, 1e-9, depth)[:, None], depth
+
+
+def _rotated(rotations: Array, vectors: Array) -> Array:
+    """Each vector (N, 3) turned by its own rotation (N, 3, 3)."""
+    return (rotations @ vectors[:, :, None])[:, :, 0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,9 +68,9 @@ def generalized_pose(
     return se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), inliers
 
 
-def _camera_pose(T: Array, poselib: object) -> object:
+def _camera_pose(T: Array, poselib: Any) -> Any:
     R = se3.assert_proper_rotation(T[:3, :3], "view for pose estimation")
-    pose = poselib.CameraPose()  # type: ignore
+    pose = poselib.CameraPose()
     pose.R, pose.t = R, T[:3, 3]
     return pose
 
@@ -105,7 +106,7 @@ def refine_pose(
 def linearise(
     T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics
 ) -> tuple[Array, Array]:
-    """Residuals (N, 2) of points on their pinholes and derivative (N, 2, 6) by a right-hand twist of the pose."""
+    """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist."""
     points_rig = se3.transform(se3.inverse(T_world_rig), points)
     predicted, depth = optics.to_plane(points_rig, views)
     in_front = depth > _MIN_DEPTH

@@ -132,8 +132,8 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     if best is None:
         return None
     best = _polished(best, pairs, optics)
-    fits = np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE
-    enough = fits.mean() > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
+    share = float(np.mean(np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE))
+    enough = share > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
     return best if enough else None
 
 
@@ -178,7 +178,7 @@ def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Arra
     def rig_motion(length: float) -> Array:
         T = T_unit.copy()
         T[:3, 3] *= length
-        return optics.T_rig_view[view] @ T @ optics.T_view_rig[view]
+        return np.asarray(optics.T_rig_view[view] @ T @ optics.T_view_rig[view])
 
     distance, _ = pairs.parallax(rig_motion(1.0), optics)
     ahead = distance[(distance > 0) & (distance < 1e3)]
