@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.rig import Rig
+from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame, make_frame
 from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
-from facetcam.slam.scale import scale_sigma
 from facetcam.slam.starting import Starter
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.tracking import Fix, Tracker
@@ -65,7 +65,8 @@ class Slam:
         self._optics = Optics(rig, self.config.seam_margin)
         corners = CornerFinder(self._optics, self.config.features)
         self._map = Map()
-        self._mapper = Mapper(self._map, self._optics, self.config, corners)
+        self._adjuster = Adjuster(self._map, self._optics, self.config)
+        self._mapper = Mapper(self._map, self._optics, self.config, corners, self._adjuster)
         self._tracker = Tracker(self._map, self._optics, self.config, corners)
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
         self._trajectory = Trajectory()
@@ -160,10 +161,8 @@ class Slam:
 
         It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
         """
-        self._mapper.adjust_all()
-        bundle = self._mapper.whole_bundle()
-        if bundle is not None:
-            self.scale_sigma = scale_sigma(bundle, self._optics, self.config.pixel_sigma)
+        self._adjuster.adjust_all()
+        self.scale_sigma = self._adjuster.scale_sigma()
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
     def _miss(self, frame: Frame, predicted: Array, odometry: Array | None) -> State:
