@@ -49,7 +49,12 @@ $(VENV)/.python: scripts/system_packages.sh
 	$(PYTHON) -m venv $(VENV)
 	@touch $@
 
-# One stamp for each extra of pyproject.toml: .test, .dev, .docs.
-$(VENV)/.%: $(VENV)/.python $(INPUTS)
-	$(RUN) pip install --quiet --disable-pip-version-check --editable ".[$*]"
+$(VENV)/.test: $(VENV)/.python $(INPUTS)
+	$(RUN) pip install --quiet --disable-pip-version-check --editable ".[test]"
+	@touch $@
+
+# The tools of the other extras, without compiling the core once more for each.
+$(VENV)/.dev $(VENV)/.docs: $(VENV)/.%: $(VENV)/.test
+	$(BIN)/python scripts/requirements_of.py $* > $@.txt
+	$(RUN) pip install --quiet --disable-pip-version-check --requirement $@.txt
 	@touch $@
