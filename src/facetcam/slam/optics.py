@@ -127,7 +127,8 @@ class Optics:
     def plane(self, pixels: Array, views: Index) -> Array:
         """Where raw pixels fall on their view's ideal pinhole, (N, 2) in pixels from its principal point."""
         rays = _rotated(self.T_view_rig[views, :3, :3], self.rays(pixels, views))
-        return self.focal * rays[:, :2] / np.maximum(rays[:, 2:], _STEEPEST)
+        # Measurements lie up to half a pixel beyond the last pixel that is not too steep.
+        return np.asarray(self.focal * rays[:, :2] / np.maximum(rays[:, 2:], 0.5 * _STEEPEST))
 
     def plane_rays(self, plane: Array, views: Index) -> Array:
         """Unit directions (N, 3) in the rig frame of positions on the ideal pinholes."""

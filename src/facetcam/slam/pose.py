@@ -65,7 +65,8 @@ def generalized_pose(
         inliers[r] = flags
     if inliers.sum() < 4:
         return None, inliers
-    return se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), inliers
+    # PoseLib's last digits change from call to call, and with them all that follows.
+    return np.round(se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), 9), inliers
 
 
 def _camera_pose(T: Array, poselib: Any) -> Any:

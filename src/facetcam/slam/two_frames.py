@@ -169,7 +169,8 @@ def _view_motion(pairs: Pairs, view: int, optics: Optics) -> Array | None:
     length = float(np.linalg.norm(pose.t))
     if not length > 1e-9:
         return None
-    return se3.inverse(se3.from_rotation_translation(pose.R, pose.t / length))
+    # PoseLib's last digits change from call to call, and with them all that follows.
+    return np.round(se3.inverse(se3.from_rotation_translation(pose.R, pose.t / length)), 9)
 
 
 def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Array:
