@@ -59,15 +59,15 @@ def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, in
     FacetcamError
         If its size is not the rig's, or it is neither grey nor colour of 8 or 16 bit.
     """
+    if image.dtype not in (np.uint8, np.uint16) or (image.ndim != 2 and image.shape[2:] != (3,)):
+        raise FacetcamError(
+            f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype} {image.shape}"
+        )
     height, width = image.shape[:2]
     if (width, height) != size:
         raise FacetcamError(
             f"frame at {timestamp:.3f} s is {width}x{height}, the rig's camera is {size[0]}x{size[1]}; "
             "use the rig that belongs to this film"
-        )
-    if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3):
-        raise FacetcamError(
-            f"frame at {timestamp:.3f} s: expected 8 or 16 bit grey or BGR, got {image.dtype}"
         )
     half = cv2.resize(grey := _grey_bytes(image), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return Frame(timestamp, image, grey, half)

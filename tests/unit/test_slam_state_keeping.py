@@ -1,0 +1,165 @@
+"""What tracking keeps: wheel motions, the trajectory, map points, frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from facetcam.errors import FacetcamError
+from facetcam.geometry import se3
+from facetcam.simulation.drive import round_the_table, wheel_odometry
+from facetcam.slam.frame import Corners, make_frame
+from facetcam.slam.map import Keyframe, Map, Observations, Points
+from facetcam.slam.odometry import planar_motion, planar_pose
+from facetcam.slam.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+NOTHING = Corners(np.empty((0, 2)), np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 64), np.uint8))
+
+
+def keyframe(index: int, T_world_rig: Array) -> Keyframe:
+    return Keyframe(index, float(index), T_world_rig, NOTHING, None, None)
+
+
+def moved(*twist: float) -> Array:
+    return se3.exp(twist)
+
+
+def test_wheels_that_roll_ahead_move_the_rig_to_its_front() -> None:
+    T, _ = planar_motion(np.array([1.0, 2.0, 0.7]), np.array([1 + np.cos(0.7), 2 + np.sin(0.7), 0.7]), 0.1)
+    np.testing.assert_allclose(T, moved(0, 0, 0, 0, 1, 0), atol=1e-12)
+
+
+def test_a_turn_to_the_left_is_a_turn_about_up() -> None:
+    T, _ = planar_motion(np.array([3.0, -1.0, 3.0]), np.array([3.0, -1.0, 3.5]), 0.1)
+    np.testing.assert_allclose(T, moved(0, 0, 0.5, 0, 0, 0), atol=1e-12)
+    aside, _ = planar_motion(np.zeros(3), np.array([0.0, 0.4, 0.0]), 0.1)
+    np.testing.assert_allclose(aside[:3, 3], [-0.4, 0.0, 0.0], atol=1e-12)
+
+
+def test_faultless_wheels_give_the_motion_of_the_drive() -> None:
+    drive = round_the_table(30)
+    wheels = wheel_odometry(drive, scale_error=0.0, yaw_drift=0.0, noise=0.0)
+    for k in range(29):
+        T, _ = planar_motion(wheels[k], wheels[k + 1], 0.1)
+        np.testing.assert_allclose(T, se3.inverse(drive.poses[k]) @ drive.poses[k + 1], atol=1e-9)
+
+
+def test_planar_poses_stand_on_the_floor_and_look_along_the_yaw() -> None:
+    T = planar_pose(np.array([0.3, -0.4, 0.6]))
+    np.testing.assert_allclose(T[:3, 3], [0.3, -0.4, 0.0])
+    np.testing.assert_allclose(T[:3, :3] @ [0, 1, 0], [np.cos(0.6), np.sin(0.6), 0.0], atol=1e-12)
+    np.testing.assert_allclose(T[:3, :3] @ [0, 0, 1], [0, 0, 1], atol=1e-12)
+
+
+def test_wheels_are_trusted_less_over_longer_ways() -> None:
+    near, far = (planar_motion(np.zeros(3), np.array([d, 0.0, 0.0]), 0.3)[1] for d in (0.1, 1.0))
+    assert np.all(np.linalg.eigvalsh(near) > 0)
+    assert np.all(np.diag(far)[3:] > np.diag(near)[3:])
+    assert np.sqrt(far[3, 3]) == pytest.approx(0.3, rel=0.05)
+
+
+def test_frames_follow_their_keyframe() -> None:
+    hung = keyframe(0, moved(0, 0, 0.3, 1, 2, 0))
+    pose = moved(0, 0, 0.5, 1.4, 2.2, 0.1)
+    trajectory = Trajectory()
+    trajectory.add(4.0, pose, hung)
+    np.testing.assert_allclose(trajectory.poses()[1][0], pose, atol=1e-12)
+    shift = moved(0.1, -0.2, 0.4, 0.5, 0.1, -0.3)
+    hung.T_world_rig = shift @ hung.T_world_rig
+    np.testing.assert_allclose(trajectory.poses()[1][0], shift @ pose, atol=1e-12)
+
+
+def test_frames_follow_the_scale_of_their_keyframe() -> None:
+    """A map that doubles about the origin doubles the frame's place, whenever it was added."""
+    hung = keyframe(0, moved(0, 0, 0.3, 1, 2, 0))
+    hung.scale = 1.5
+    pose = moved(0, 0, 0.5, 1.4, 2.2, 0.1)
+    trajectory = Trajectory()
+    trajectory.add(4.0, pose, hung)
+    hung.T_world_rig = hung.T_world_rig.copy()
+    hung.T_world_rig[:3, 3] *= 2.0
+    hung.scale *= 2.0
+    (after,) = trajectory.poses()[1]
+    np.testing.assert_allclose(after[:3, 3], 2.0 * pose[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(after[:3, :3], pose[:3, :3], atol=1e-12)
+
+
+def test_poses_come_in_the_order_of_time() -> None:
+    trajectory, hung = Trajectory(), keyframe(0, np.eye(4))
+    for time in (3.0, 1.0, 2.0):
+        trajectory.add(time, moved(0, 0, 0, time, 0, 0), hung)
+    times, poses = trajectory.poses()
+    assert times.tolist() == [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(poses[:, 0, 3], times)
+    trajectory.clear()
+    assert [len(part) for part in trajectory.poses()] == [0, 0]
+
+
+def test_points_keep_their_rows_while_they_grow() -> None:
+    rng, points, blocks = np.random.default_rng(31), Points(), []
+    for count in (700, 0, 900, 3000):
+        block = rng.standard_normal((count, 3))
+        ids = points.extend(xyz=block, colour=np.full((count, 3), len(blocks), np.uint8))
+        assert ids.tolist() == list(range(len(points) - count, len(points)))
+        blocks.append(block)
+        points.found[:5] += 1
+    assert len(points) == 4600
+    np.testing.assert_array_equal(points.xyz, np.concatenate(blocks))
+    assert points.colour[:, 0].tolist() == [0] * 700 + [2] * 900 + [3] * 3000
+    assert points.alive.all() and not points.predicted.any()
+    assert points.found[:6].tolist() == [4, 4, 4, 4, 4, 0]
+
+
+def test_near_keyframes_and_their_living_points() -> None:
+    world = Map()
+    world.points.extend(xyz=np.zeros((6, 3)))
+    for k, place in enumerate((5.0, 1.0, 3.0)):
+        world.keyframes.append(keyframe(k, moved(0, 0, 0, place, 0, 0)))
+        ids = np.array([k, k + 2, 5])
+        world.keyframes[-1].observations.append(ids, np.zeros(3, np.int8), np.zeros((3, 2)), np.zeros((3, 2)))
+    near = world.near(np.array([0.0, 0.0, 0.0]), 2)
+    assert [k.index for k in near] == [1, 2]
+    world.points.alive[3] = False
+    assert world.observed_points(near).tolist() == [1, 2, 4, 5]
+    world.clear()
+    assert world.near(np.zeros(3), 2) == [] and len(world.observed_points([])) == 0
+
+
+def test_observations_know_point_and_view_together() -> None:
+    seen = Observations()
+    seen.append(np.array([3, 3, 7]), np.int8([0, 2, 1]), np.zeros((3, 2)), np.arange(6.0).reshape(3, 2))
+    assert seen.has(np.array([3, 3, 7, 0]), np.int8([2, 1, 1, 0])).tolist() == [True, False, True, False]
+    seen.keep(np.array([False, True, True]))
+    assert (seen.point.tolist(), seen.view.tolist()) == ([3, 7], [2, 1])
+    assert seen.plane.tolist() == [[2.0, 3.0], [4.0, 5.0]]
+
+
+@pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3)])
+def test_frames_of_16_bit_are_those_of_8_bit(shape: tuple[int, ...]) -> None:
+    image = np.random.default_rng(32).integers(0, 256, shape).astype(np.uint8)
+    narrow, wide = make_frame(image, 0.0, (64, 48)), make_frame(image.astype(np.uint16) * 257, 0.0, (64, 48))
+    assert np.array_equal(narrow.grey, wide.grey)
+    blocks = narrow.grey.reshape(24, 2, 32, 2).astype(float).mean(axis=(1, 3))
+    assert np.abs(narrow.half - blocks).max() <= 0.5
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((48, 65), np.uint8),
+        np.zeros((48, 64), np.float32),
+        np.zeros((48, 64, 3), np.int16),
+        np.zeros((48, 64, 2), np.uint8),
+        np.zeros((48, 64, 3, 1), np.uint8),
+        np.zeros(48, np.uint8),
+    ],
+    ids=["size", "float", "int16", "two channels", "four axes", "one axis"],
+)
+def test_what_is_no_frame_is_refused_in_one_line(image: NDArray) -> None:
+    with pytest.raises(FacetcamError) as caught:
+        make_frame(image, 1.5, (64, 48))
+    assert "\n" not in str(caught.value)
+    assert "1.500 s" in str(caught.value)

@@ -1,0 +1,141 @@
+"""Two frames: epipolar errors against OpenCV, motion and its refusal against known motions."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from slam_worlds import folded, in_sight, look, pyramid, single
+
+from facetcam.geometry import se3
+from facetcam.slam.epipolar import epipolar_error
+from facetcam.slam.optics import Optics
+from facetcam.slam.two_frames import MIN_MATCHES, Pairs, estimate_motion
+
+Array = NDArray[np.float64]
+
+MOTION = se3.exp([0.02, -0.03, 0.12, 0.08, 0.3, 0.03])
+
+
+@pytest.fixture(scope="module")
+def ryu() -> Optics:
+    return Optics(folded(), 8.0)
+
+
+def true_pairs(optics: Optics, T_a_b: Array, rng: np.random.Generator, count: int = 2500) -> Pairs:
+    """What is seen in the same view of two frames."""
+    points = in_sight(optics, np.array([np.eye(4), T_a_b]), rng, count)
+    a, b = look(optics, np.eye(4), points), look(optics, T_a_b, points)
+    _, rows_a, rows_b = np.intersect1d(128 * a.point + a.view, 128 * b.point + b.view, return_indices=True)
+    return Pairs(a.view[rows_a], a.plane[rows_a], b.plane[rows_b])
+
+
+def spoiled(pairs: Pairs, optics: Optics, rng: np.random.Generator, share: float, noise: float) -> Pairs:
+    """The same pairs with noise in pixels, a share of them paired with others of their view."""
+    plane_b = pairs.plane_b + rng.normal(0.0, noise, pairs.plane_b.shape)
+    for view in range(optics.n_views):
+        rows = np.flatnonzero((pairs.views == view) & (rng.random(len(pairs)) < share))
+        plane_b[rows] = plane_b[np.roll(rows, 1)]
+    return Pairs(pairs.views, pairs.plane_a + rng.normal(0.0, noise, plane_b.shape), plane_b)
+
+
+def assert_motion(T: Array | None, truth: Array, degrees: float, direction: float) -> None:
+    """Compare rotation and direction, in degrees."""
+    assert T is not None
+    turn = se3.log(se3.inverse(truth) @ T)[:3]
+    assert np.degrees(np.linalg.norm(turn)) < degrees
+    a, b = T[:3, 3], truth[:3, 3]
+    assert np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))) < direction
+
+
+def test_epipolar_error_is_opencvs_sampson_distance(ryu: Optics) -> None:
+    rng = np.random.default_rng(21)
+    for view in range(ryu.n_views):
+        a, b = rng.uniform(-200, 200, (2, 30, 2))
+        T_b_a = ryu.T_view_rig[view] @ se3.inverse(MOTION) @ ryu.T_rig_view[view]
+        E = se3.skew(T_b_a[:3, 3]) @ T_b_a[:3, :3]
+        K_inverse = np.diag([1 / ryu.focal, 1 / ryu.focal, 1.0])
+        F = K_inverse.T @ E @ K_inverse
+        homogeneous = (np.column_stack([p, np.ones(len(p))]) for p in (a, b))
+        squared = [cv2.sampsonDistance(p, q, F) for p, q in zip(*homogeneous)]
+        np.testing.assert_allclose(epipolar_error(a, b, view, MOTION, ryu) ** 2, squared, rtol=1e-6)
+
+
+def test_true_pairs_lie_on_their_epipolars_in_mirror_images_too(ryu: Optics) -> None:
+    for optics in (ryu, Optics(pyramid(), 8.0)):
+        pairs = true_pairs(optics, MOTION, np.random.default_rng(22))
+        assert len(np.unique(pairs.views)) == optics.n_views
+        assert np.abs(pairs.epipolar_errors(MOTION, optics)).max() < 1e-3
+        wrong = MOTION @ se3.exp([0.0, 0.0, 0.05, 0.0, 0.0, 0.0])
+        assert np.median(np.abs(pairs.epipolar_errors(wrong, optics))) > 1.0
+
+
+def test_parallax_is_the_angle_between_true_rays(ryu: Optics) -> None:
+    point = in_sight(ryu, np.eye(4)[None], np.random.default_rng(23), 400)
+    a, b = look(ryu, np.eye(4), point), look(ryu, MOTION, point)
+    _, rows_a, rows_b = np.intersect1d(128 * a.point + a.view, 128 * b.point + b.view, return_indices=True)
+    pairs = Pairs(a.view[rows_a], a.plane[rows_a], b.plane[rows_b])
+    distance, angle = pairs.parallax(MOTION, ryu)
+    true = point[a.point[rows_a]]
+    from_a = true - ryu.origins(pairs.views)
+    from_b = true - se3.transform(MOTION, ryu.origins(pairs.views))
+    cosine = np.einsum("ij,ij->i", from_a, from_b)
+    expected = np.arccos(cosine / np.linalg.norm(from_a, axis=1) / np.linalg.norm(from_b, axis=1))
+    np.testing.assert_allclose(angle, expected, atol=1e-5)
+    np.testing.assert_allclose(distance, np.linalg.norm(from_a, axis=1), rtol=1e-3)
+
+
+def test_a_turn_on_the_spot_leaves_nothing_to_translation() -> None:
+    optics = Optics(single(), 8.0)
+    rng = np.random.default_rng(24)
+    turned = true_pairs(optics, se3.exp([0.05, 0.1, -0.15, 0, 0, 0]), rng)
+    assert turned.beyond_rotation(optics).max() < 1e-6
+    moved = true_pairs(optics, MOTION, rng)
+    assert np.median(moved.beyond_rotation(optics)) > 0.01
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_motion_is_found_through_wrong_pairs(ryu: Optics, seed: int) -> None:
+    rng = np.random.default_rng([25, seed])
+    pairs = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.15, 0.3)
+    T = estimate_motion(pairs, ryu)
+    assert_motion(T, MOTION, degrees=0.1, direction=2.0)
+    assert T is not None
+    assert np.linalg.norm(T[:3, 3]) == pytest.approx(np.linalg.norm(MOTION[:3, 3]), rel=0.5)
+
+
+def test_motion_is_found_behind_mirror_images() -> None:
+    optics, rng = Optics(pyramid(), 8.0), np.random.default_rng(26)
+    pairs = spoiled(true_pairs(optics, MOTION, rng), optics, rng, 0.1, 0.3)
+    assert_motion(estimate_motion(pairs, optics), MOTION, degrees=0.1, direction=2.0)
+
+
+def test_motion_of_one_camera_has_a_direction() -> None:
+    optics, rng = Optics(single(), 8.0), np.random.default_rng(27)
+    pairs = spoiled(true_pairs(optics, MOTION, rng), optics, rng, 0.15, 0.3)
+    assert_motion(estimate_motion(pairs, optics), MOTION, degrees=0.1, direction=2.0)
+
+
+@pytest.mark.parametrize(
+    "twist", [np.zeros(6), np.array([0.02, 0.01, 0.2, 0, 0, 0]), np.array([0, 0, 0.01, 0, 0.002, 0])]
+)
+def test_no_motion_is_invented(ryu: Optics, twist: Array) -> None:
+    """A stand, a turn on the spot about the rig's axis, and a step too small to see."""
+    rng = np.random.default_rng(28)
+    pairs = spoiled(true_pairs(ryu, se3.exp(twist), rng), ryu, rng, 0.1, 0.3)
+    assert len(pairs) > 5 * MIN_MATCHES
+    assert estimate_motion(pairs, ryu) is None
+
+
+def test_pairs_that_agree_on_nothing_give_no_motion(ryu: Optics) -> None:
+    rng = np.random.default_rng(29)
+    pairs = true_pairs(ryu, MOTION, rng)
+    assert estimate_motion(spoiled(pairs, ryu, rng, 1.0, 0.3), ryu) is None
+
+
+def test_too_few_pairs_give_no_motion(ryu: Optics) -> None:
+    pairs = true_pairs(ryu, MOTION, np.random.default_rng(30))
+    few = slice(None, None, len(pairs) // MIN_MATCHES + 2)
+    few_pairs = Pairs(pairs.views[few], pairs.plane_a[few], pairs.plane_b[few])
+    assert estimate_motion(few_pairs, ryu) is None
