@@ -56,7 +56,9 @@ def _pose_information(bundle: Bundle, optics: Optics, pixel_sigma: float) -> Arr
         by_point[rows] = -J[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
     weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
     variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum()))
-    root = np.sqrt(weight / max(variance, 1e-6))[:, None, None]
+    # All measurements of a point come from one reference patch: they count as one, not as many.
+    independent = P / M
+    root = np.sqrt(independent * weight / max(variance, 1e-6))[:, None, None]
     A = _blocks(root * J, bundle.frame, K)
     B = _blocks(root * by_point, bundle.point, P)
     V = (B.T @ B).tobsr((3, 3))
