@@ -40,7 +40,7 @@ def trajectory_checks(summary: Summary, film: Film) -> list[Check]:
         _below("path error, rigid alignment", errors.ate.rmse, 0.02, "m"),
         _below("path error, scale aligned too", errors.ate_scaled.rmse, 0.02, "m"),
         _below("error of the scale", abs(100 * errors.scale_error), 1.0, "%"),
-        _below("turn error from frame to frame", math.degrees(errors.rpe_rotation.rmse), 0.3, "degrees"),
+        _below("turn error from frame to frame", math.degrees(errors.rpe_rotation.rmse), 0.1, "degrees"),
         Check("path error of the wheels alone", f"{drift:.3f} m", "larger", drift > errors.ate.rmse),
     ]
 
