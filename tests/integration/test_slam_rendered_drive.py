@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Images = list[NDArray[np.uint8]]
 
 FRAMES = 30
-BLACKOUT = slice(20, 23)
+BLACKOUT = slice(22, 25)
 
 
 @dataclass(slots=True)
@@ -160,15 +160,16 @@ def test_a_blackout_loses_a_rig_without_wheels_for_as_long_as_it_lasts(shot: Sho
     result = run(shot, images=darkened(shot))
     assert statuses(result)[BLACKOUT] == [Status.LOST] * 3
     assert all(state.T_world_rig is None for state in result.states[BLACKOUT])
-    assert statuses(result)[25:] == [Status.TRACKING] * (FRAMES - 25)
+    assert statuses(result)[26:] == [Status.TRACKING] * (FRAMES - 26)
     errors = result.errors(shot.drive)
     assert errors.matched == sum(state.status is not Status.LOST for state in result.states)
+    assert errors.ate_scaled.rmse < 0.02
 
 
 def test_wheels_carry_a_rig_through_a_blackout(shot: Shot) -> None:
     result = run(shot, shot.wheels, darkened(shot))
     assert statuses(result)[BLACKOUT] == [Status.DEAD_RECKONING] * 3
-    assert statuses(result)[23:] == [Status.TRACKING] * (FRAMES - 23)
+    assert statuses(result)[25:] == [Status.TRACKING] * (FRAMES - 25)
     errors = result.errors(shot.drive)
     assert errors.matched == FRAMES
     assert errors.ate.max < 0.05
