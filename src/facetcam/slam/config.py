@@ -62,8 +62,8 @@ class SlamConfig:
     search_radius: float = 0.05
     min_parallax: float = 0.01
     keyframe_parallax: float = 0.08
-    keyframe_angle: float = 0.2
-    keyframe_overlap: float = 0.65
+    keyframe_angle: float = 0.15
+    keyframe_overlap: float = 0.8
     window: int = 8
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02

@@ -31,6 +31,7 @@ _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
 _YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
+_PROBATION = 5
 
 
 class Slam:
@@ -75,6 +76,7 @@ class Slam:
         self._T_step = np.eye(4)  # motion between the last two frames
         self._odometry: Array | None = None
         self._lost_frames = 0
+        self._probation = 0  # frames after a loss in which only a clear pose is believed
         self._keyframe_measurements = 0
         self._next_global = _FIRST_GLOBAL
 
@@ -116,7 +118,7 @@ class Slam:
         predicted = self._predict(odometry)
         with self._timed("track"):
             fix = self._tracker.find(frame, predicted)
-        if fix is None:
+        if fix is None or (self._probation and not fix.clear):
             return self._miss(frame, predicted, odometry)
         self._accept(fix, frame.timestamp)
         keyframe = self._wants_keyframe(fix)
@@ -137,6 +139,7 @@ class Slam:
         self._T_world_rig = fix.T_world_rig
         self._trajectory.add(timestamp, fix.T_world_rig, self._map.keyframes[-1])
         self._lost_frames = 0
+        self._probation = max(self._probation - 1, 0)
 
     def _wants_keyframe(self, fix: Fix) -> bool:
         """New points are due after enough motion against the depth, a turn, or lost measurements."""
@@ -168,6 +171,7 @@ class Slam:
     def _miss(self, frame: Frame, predicted: Array, odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._lost_frames += 1
+        self._probation = _PROBATION
         n_points = self._n_points
         if self._lost_frames > _PATIENCE and len(self._map.keyframes) < _YOUNG:
             return self._start_again(frame, odometry)
