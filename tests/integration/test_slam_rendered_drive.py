@@ -166,6 +166,17 @@ def test_a_blackout_loses_a_rig_without_wheels_for_as_long_as_it_lasts(shot: Sho
     assert errors.ate_scaled.rmse < 0.02
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("dark", [16, 18, 20])
+def test_no_wrong_pose_is_believed_after_a_blackout(room: Renderer, dark: int) -> None:
+    drive = round_the_table(45)
+    film = Film(folded(), room, drive)
+    images = [np.zeros_like(im) if dark <= k < dark + 3 else im for k, im in enumerate(film)]
+    result = run(Shot(film.rig, images, drive, wheel_odometry(drive)))
+    assert statuses(result)[-10:] == [Status.TRACKING] * 10
+    assert result.errors(drive).ate.max < 0.05
+
+
 def test_wheels_carry_a_rig_through_a_blackout(shot: Shot) -> None:
     result = run(shot, shot.wheels, darkened(shot))
     assert statuses(result)[BLACKOUT] == [Status.DEAD_RECKONING] * 3
