@@ -1,0 +1,6 @@
+"""Calibration of a mirror rig from photos of boards."""
+
+from facetcam.calibration.boards import Board, BoardSet, read_boards, write_boards
+from facetcam.calibration.sightings import Sighting
+
+__all__ = ["Board", "BoardSet", "Sighting", "read_boards", "write_boards"]
