@@ -1,0 +1,270 @@
+"""What a calibration gives: the rig as built, what fitted and what did not, and what stays unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.sightings import Sighting
+from facetcam.rig import Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSighting:
+    """A sighting with its view, and how the solved rig explains it.
+
+    Attributes
+    ----------
+    sighting : Sighting
+        All its corners, `view` set.
+    predicted : (N, 2) array
+        Where the solved rig puts the corners, in raw-frame pixels.
+    kept : (N,) bool array
+        False for corners that were rejected: wrong, beside a seam, or beyond what noise explains.
+    """
+
+    sighting: Sighting
+    predicted: Array
+    kept: NDArray[np.bool_]
+
+    @property
+    def residuals(self) -> Array:
+        """Seen minus predicted, (N, 2) pixels."""
+        return self.sighting.pixels - self.predicted
+
+
+@dataclass(frozen=True, eq=False)
+class Parameters:
+    """The free numbers of the rig, with the covariance that the photos give them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        `fx`, `k1`, `left: tilt about u`, ... in the order of the covariance.
+    units : tuple of str
+        `px`, `` (none), `deg` or `mm`: the unit of `value` and `sigma`.
+    value : (P,) array
+        Solved value; of a mirror, how far it stands from the drawing.
+    sigma : (P,) array
+        One standard deviation; NaN where the photos do not determine it (see `Calibration.unobservable`).
+    covariance : (P, P) array
+        In SI units (pixels, radians, metres). Directions that the photos leave open have the drawing's
+        tolerance.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    value: Array
+    sigma: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One direction that the photos do not determine, in words.
+
+    Attributes
+    ----------
+    what : str
+        A sentence: what cannot be known, and why.
+    advice : str
+        Which photo to add; empty where none helps.
+    mirrors : tuple of str
+        The mirrors it is about.
+    harmless : bool
+        True where it changes no view against another, so that nothing measured with the rig depends on it.
+    """
+
+    what: str
+    advice: str = ""
+    mirrors: tuple[str, ...] = ()
+    harmless: bool = False
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong with the photos or boards that the solve met and worked round.
+
+    Attributes
+    ----------
+    kind : str
+        `moved board`, `other camera`, `sighting rejected`, `photo left out` or `view unseen`.
+    text : str
+        A sentence for the user.
+    photos : tuple of int
+        Indices of the photos concerned.
+    """
+
+    kind: str
+    text: str
+    photos: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A solved rig with all that its report needs.
+
+    Attributes
+    ----------
+    rig : Rig
+        As built.
+    nominal : Rig
+        As drawn: where the solve began.
+    boards : BoardSet
+    T_rig_board : mapping of (photo, board) to (4, 4) array
+        Pose of every board that was seen in a photo, in the rig frame of that photo.
+    T_world_rig : mapping of photo to (4, 4) array
+        Rig poses in the frame of the first board; empty when the boards move against each other.
+    T_world_board : mapping of board to (4, 4) array
+        Empty when the boards move against each other.
+    sightings : tuple of FittedSighting
+    parameters : Parameters
+    noise : float
+        Standard deviation of a corner coordinate that the residuals show, in pixels.
+    unobservable : tuple of Unknown
+    findings : tuple of Finding
+    seconds : float
+        Time of the solve.
+    """
+
+    rig: Rig
+    nominal: Rig
+    boards: BoardSet
+    T_rig_board: Mapping[tuple[int, int], Array]
+    T_world_rig: Mapping[int, Array]
+    T_world_board: Mapping[int, Array]
+    sightings: tuple[FittedSighting, ...]
+    parameters: Parameters
+    noise: float
+    unobservable: tuple[Unknown, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    seconds: float = 0.0
+
+    def rms(self, kept_only: bool = True) -> float:
+        """Root mean square length of the residual vectors in pixels, of the corners kept or of all."""
+        squares = [
+            np.sum(f.residuals[f.kept if kept_only else slice(None)] ** 2, axis=1) for f in self.sightings
+        ]
+        joined = np.concatenate([*squares, np.empty(0)])
+        return float(np.sqrt(joined.mean())) if len(joined) else float("nan")
+
+
+@dataclass(frozen=True)
+class MirrorDeviation:
+    """How far a mirror as built stands from the drawing: tilt in degrees, shift along its normal in mm.
+
+    The sigmas are NaN where the photos do not determine the mirror.
+    """
+
+    mirror: str
+    tilt_deg: float
+    shift_mm: float
+    tilt_sigma_deg: float
+    shift_sigma_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class UncertaintyMap:
+    """Uncertainty of one view on a grid of raw-frame pixels.
+
+    Attributes
+    ----------
+    view : str
+    u, v : (H, W) arrays
+        Pixels of the grid.
+    sigma_px : (H, W) array
+        Standard deviation of where a point at `depth` is seen, worst direction; NaN outside the view.
+    sigma_mm : (H, W) array
+        The same across the ray at `depth`, in millimetres.
+    depth : float
+        Metres from the view's centre.
+    """
+
+    view: str
+    u: Array
+    v: Array
+    sigma_px: Array
+    sigma_mm: Array
+    depth: float
+
+
+@dataclass(frozen=True)
+class Flatness:
+    """Plane model (3 parameters a mirror) against free view poses (6 a view).
+
+    A free fit that is better than its additional parameters explain says that mirrors are not flat, or that
+    the chains of the rig file are not those of the rig.
+    """
+
+    plane_rms: float
+    free_rms: float
+    ratio: float  # of the drop in weighted cost to what flat mirrors would give, about 1 when flat
+    flat: bool
+    worst_view: str
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """How good a calibration is, judged by photos that it has not seen.
+
+    Attributes
+    ----------
+    held_out_rms : float
+        Pixels, over photos that were solved without and in which only the rig pose was free.
+    held_out : mapping of photo to float
+        The same a photo.
+    cross_view_rms : float
+        Pixels, when the pose of a held-out photo comes from one view and is judged in its others; NaN where
+        no photo shows boards in two views.
+    cross_view : mapping of photo to float
+    split_half_rms : float
+        Pixels between the projections of two rigs, each solved from half of the photos, after the best rigid
+        alignment of their frames; NaN where halves are too small to solve.
+    split_half : mapping of view to float
+    flatness : Flatness or None
+    deviations : tuple of MirrorDeviation
+    maps : tuple of UncertaintyMap
+    """
+
+    held_out_rms: float
+    held_out: Mapping[int, float]
+    cross_view_rms: float
+    cross_view: Mapping[int, float]
+    split_half_rms: float
+    split_half: Mapping[str, float]
+    flatness: Flatness | None
+    deviations: tuple[MirrorDeviation, ...]
+    maps: tuple[UncertaintyMap, ...]
+    findings: tuple[Finding, ...] = field(default=())
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """What photos can determine, told before the solve.
+
+    Attributes
+    ----------
+    enough : bool
+        Whether all that matters can be determined.
+    unobservable : tuple of Unknown
+    advice : tuple of str
+        Photos to add, most useful first.
+    sightings : mapping of view to int
+        Sightings a view.
+    expected : mapping of str to str
+        Expected sigma in words, by parameter group.
+    findings : tuple of Finding
+    """
+
+    enough: bool
+    unobservable: tuple[Unknown, ...]
+    advice: tuple[str, ...]
+    sightings: Mapping[str, int]
+    expected: Mapping[str, str]
+    findings: tuple[Finding, ...] = ()
