@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import time
+from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ class FakeSlam:
     SECONDS_A_FRAME = 0.0
     metric = False
     scale_sigma = np.inf
+    rig_check = SimpleNamespace(complaint="")
 
     def __init__(self, rig: object, config: object) -> None:
         self.seen: list[float] = []

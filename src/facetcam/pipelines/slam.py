@@ -5,13 +5,14 @@ from __future__ import annotations
 from itertools import islice
 from pathlib import Path
 
+from facetcam.errors import RigError
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
 from facetcam.pipelines.progress import Progress, keeping, silent, total_frames
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.slam_results import SlamResults, write_results
 from facetcam.pipelines.summary import Summary
-from facetcam.slam import Slam
+from facetcam.slam import Slam, State, Status
 
 
 def run_slam(
@@ -75,6 +76,13 @@ def track_film(
         for frame in islice(inputs.source, max_frames):
             state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
             record.add(frame, state)
+            require_fit(slam, state)
             progress(record.frames, total_frames(inputs.source.count, max_frames))
         slam.finish()
         return write_results(record, slam, inputs)
+
+
+def require_fit(slam: Slam, state: State) -> None:
+    """Raise RigError where no map can start because the rig is not that of the film."""
+    if state.status is Status.STARTING and slam.rig_check.complaint:
+        raise RigError(slam.rig_check.complaint)

@@ -60,7 +60,7 @@ def summarise(
     record: SlamRecord, slam: Slam, inputs: SlamInputs, path: Trajectory, seconds: float, interrupted: str
 ) -> Summary:
     """The run in numbers."""
-    warnings = list(inputs.source.warnings)
+    warnings = [*inputs.source.warnings, *filter(None, [slam.rig_check.complaint])]
     errors = None
     if inputs.truth is not None:
         try:

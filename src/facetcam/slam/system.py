@@ -20,6 +20,7 @@ from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
+from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.tracking import Fix, Tracker
@@ -46,6 +47,8 @@ class Slam:
     ----------
     scale_sigma : float
         Relative standard deviation of the map's scale, inf where the images cannot tell it.
+    rig_check : RigCheck
+        Whether the rig's file and the film belong together.
     timing : dict of str to list of float
         Seconds of each stage, call by call.
 
@@ -70,6 +73,7 @@ class Slam:
         self._mapper = Mapper(self._map, self._optics, self.config, corners, self._adjuster)
         self._tracker = Tracker(self._map, self._optics, self.config, corners)
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
+        self.rig_check = RigCheck(self._optics, self.config, corners)
         self._trajectory = Trajectory()
         self._last_timestamp = -np.inf
         self._T_world_rig = np.eye(4)
@@ -109,6 +113,8 @@ class Slam:
         with self._timed("frame"):
             frame = make_frame(image, timestamp, self.rig.size)
         self._last_timestamp = timestamp
+        with self._timed("check"):
+            self.rig_check.offer(frame)
         state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
         self._odometry = wheels
         return state

@@ -121,20 +121,29 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
         return None
     if np.mean(pairs.beyond_rotation(optics) > _CLEAR_PARALLAX) < _CLEAR_SHARE:
         return None  # a turn on the spot, or too small a step to tell from one
-    best, most = None, 0
-    for view in np.unique(pairs.views):
-        proposal = _view_motion(pairs, int(view), optics)
-        if proposal is not None:
-            T = _with_length(proposal, int(view), pairs, optics)
-            fits = int(np.sum(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE))
-            if fits > most:
-                best, most = T, fits
+    best = joint_motion(pairs, view_motions(pairs, optics), optics)
     if best is None:
         return None
-    best = _polished(best, pairs, optics)
     share = float(np.mean(np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE))
     enough = share > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
     return best if enough else None
+
+
+def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:
+    """Motion of each view's pinhole by itself, of unit length, for the views with enough pairs."""
+    motions = {int(v): _view_motion(pairs, int(v), optics) for v in np.unique(pairs.views)}
+    return {v: T for v, T in motions.items() if T is not None}
+
+
+def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
+    """Motion of the rig that explains most pairs of all views, from what single views propose."""
+    best, most = None, 0
+    for view, proposal in proposals.items():
+        T = _with_length(proposal, view, pairs, optics)
+        fits = int(np.sum(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE))
+        if fits > most:
+            best, most = T, fits
+    return None if best is None else _polished(best, pairs, optics)
 
 
 def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
