@@ -9,6 +9,7 @@
 
 namespace facetcam {
 
+void bind_bundle(nanobind::module_& m);
 void bind_features(nanobind::module_& m);
 void bind_patch(nanobind::module_& m);
 void bind_raycast(nanobind::module_& m);

@@ -98,3 +98,22 @@ def align_patches(
     max_shift: float,
     max_iterations: int,
 ) -> NDArray[np.float32]: ...
+def adjust_bundle(
+    focal: float,
+    T_view_rig: NDArray[np.float64],
+    T_world_rig: NDArray[np.float64],
+    fixed: NDArray[np.bool_],
+    points: NDArray[np.float64],
+    frame: NDArray[np.int64],
+    view: NDArray[np.int64],
+    point: NDArray[np.int64],
+    plane: NDArray[np.float64],
+    between: NDArray[np.int64],
+    T_i_j: NDArray[np.float64],
+    roots: NDArray[np.float64],
+    motion_loss_scales: NDArray[np.float64],
+    loss_scale: float,
+    max_iterations: int,
+    tolerance: float,
+    threads: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float, int]: ...

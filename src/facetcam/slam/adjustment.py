@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
-_GLOBAL_STOP = (30, 1e-6)  # the scale of a map converges slowly
+_GLOBAL_STOP = (60, 1e-8)  # the scale of a map converges slowly
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
 _TRIALS = 8

@@ -1,0 +1,139 @@
+"""The native bundle adjuster against Ceres, and against itself on other numbers of threads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ceres_bundle import ceres_adjust
+from numpy.typing import NDArray
+from slam_worlds import bundle_of, folded, in_sight, winding_path
+
+from facetcam.geometry import se3
+from facetcam.slam.bundle import Bundle, RelativePose, adjust
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+
+PATH = winding_path(6)
+LOSS = 1.0
+
+
+@pytest.fixture(scope="module")
+def ryu() -> Optics:
+    return Optics(folded(), 8.0)
+
+
+@pytest.fixture(scope="module")
+def noisy(ryu: Optics) -> Bundle:
+    """A start off the minimum, with noise and wrong matches."""
+    rng = np.random.default_rng(41)
+    bundle = bundle_of(ryu, PATH, in_sight(ryu, PATH, rng, 900), rng.normal(0.0, 0.4, (20000, 2)))
+    bundle.plane[::25] += 20.0
+    for k in range(1, len(PATH)):
+        bundle.T_world_rig[k] = bundle.T_world_rig[k] @ se3.exp(0.01 * rng.standard_normal(6))
+    bundle.points = bundle.points + 0.01 * rng.standard_normal(bundle.points.shape)
+    return bundle
+
+
+def cost(bundle: Bundle, optics: Optics, T_world_rig: Array, points: Array) -> float:
+    """Half the sum of Cauchy losses, observation by observation, as the definition says."""
+    total = 0.0
+    for k, T in enumerate(T_world_rig):
+        rows = bundle.frame == k
+        plane, depth = optics.to_plane(
+            se3.transform(se3.inverse(T), points[bundle.point[rows]]), bundle.view[rows]
+        )
+        assert np.all(depth > 0)
+        squared = np.sum((plane - bundle.plane[rows]) ** 2, axis=1)
+        total += 0.5 * float(np.sum(LOSS**2 * np.log1p(squared / LOSS**2)))
+    for m in bundle.motions:
+        E = se3.inverse(m.T_i_j) @ se3.inverse(T_world_rig[m.i]) @ T_world_rig[m.j]
+        error = np.concatenate([se3.log(E)[:3], E[:3, 3]])
+        squared = float(error @ np.linalg.solve(m.covariance, error))
+        scale2 = m.loss_scale**2
+        total += 0.5 * (squared if np.isinf(scale2) else scale2 * np.log1p(squared / scale2))
+    return total
+
+
+def test_same_minimum_as_ceres(ryu: Optics, noisy: Bundle) -> None:
+    ours, theirs = adjust(noisy, ryu, LOSS, 100, 1e-13), ceres_adjust(noisy, ryu, LOSS, 100, 1e-13)
+    assert np.abs(noisy.T_world_rig - theirs[0]).max() > 0.01
+    np.testing.assert_allclose(ours[0], theirs[0], atol=2e-5)
+    assert np.median(np.abs(ours[1] - theirs[1])) < 1e-5
+    assert cost(noisy, ryu, *ours) == pytest.approx(cost(noisy, ryu, *theirs), rel=1e-6)
+
+
+def test_same_minimum_as_ceres_with_odometry_between_the_frames(ryu: Optics, noisy: Bundle) -> None:
+    """One covariance for all axes, so that both ways of writing the error mean the same."""
+    pulled = replace(noisy, motions=[])
+    for k in range(len(PATH) - 1):
+        T = se3.inverse(PATH[k]) @ PATH[k + 1]
+        T[:3, 3] *= 1.05
+        pulled.motions.append(RelativePose(k, k + 1, T, 1e-4 * np.eye(6)))
+    ours, theirs = adjust(pulled, ryu, LOSS, 100, 1e-13), ceres_adjust(pulled, ryu, LOSS, 100, 1e-13)
+    free = adjust(noisy, ryu, LOSS, 100, 1e-13)
+    assert np.abs(ours[0] - free[0]).max() > 1e-3
+    np.testing.assert_allclose(ours[0], theirs[0], atol=2e-5)
+
+
+def test_no_small_move_lowers_the_cost(ryu: Optics, noisy: Bundle) -> None:
+    """Odometry that pulls hard, with a covariance of its own on each axis and a robust loss."""
+    rng = np.random.default_rng(42)
+    A = 0.02 * rng.standard_normal((6, 6))
+    T = se3.inverse(PATH[1]) @ PATH[4] @ se3.exp([0.05, -0.1, 0.2, 0.1, 0.0, 0.05])
+    bundle = replace(noisy, motions=[RelativePose(4, 1, se3.inverse(T), A @ A.T + 1e-5 * np.eye(6), 3.0)])
+    poses, points = adjust(bundle, ryu, LOSS, 200, 1e-15)
+    least = cost(bundle, ryu, poses, points)
+    for k in range(1, len(PATH)):
+        for axis in range(6):
+            for step in (1e-4, -1e-4):
+                moved = poses.copy()
+                moved[k] = moved[k] @ se3.exp(step * np.eye(6)[axis])
+                assert cost(bundle, ryu, moved, points) > least
+    assert cost(bundle, ryu, poses, points + 1e-4 * rng.standard_normal(points.shape)) > least
+
+
+@pytest.mark.parametrize("threads", [2, 3, 7])
+def test_any_number_of_threads_gives_the_same_bits(ryu: Optics, noisy: Bundle, threads: int) -> None:
+    one, more = adjust(noisy, ryu, LOSS, 8, 1e-9, 1), adjust(noisy, ryu, LOSS, 8, 1e-9, threads)
+    assert np.array_equal(one[0], more[0])
+    assert np.array_equal(one[1], more[1])
+
+
+def test_a_robust_motion_lets_a_slip_go(ryu: Optics, noisy: Bundle) -> None:
+    slip = se3.inverse(PATH[0]) @ PATH[-1]
+    slip[:3, 3] += 2.0
+    free = adjust(noisy, ryu, LOSS, 100, 1e-12)[0]
+    stiff, robust = (
+        adjust(
+            replace(noisy, motions=[RelativePose(0, 5, slip, 1e-4 * np.eye(6), s)]), ryu, LOSS, 200, 1e-12
+        )[0]
+        for s in (np.inf, 1.0)
+    )
+    assert np.abs(stiff[5, :3, 3] - free[5, :3, 3]).max() > 0.01
+    assert (
+        np.abs(robust[5, :3, 3] - free[5, :3, 3]).max() < 0.2 * np.abs(stiff[5, :3, 3] - free[5, :3, 3]).max()
+    )
+
+
+def test_points_and_frames_that_nothing_holds_stay(ryu: Optics, noisy: Bundle) -> None:
+    """A point behind every view, a point never seen, a frame that saw nothing."""
+    lone = replace(
+        noisy,
+        T_world_rig=np.concatenate([noisy.T_world_rig, PATH[-1:]]),
+        fixed=np.append(noisy.fixed, False),
+        points=np.concatenate([noisy.points, [[9.0, 9.0, 9.0]]]),
+    )
+    poses, points = adjust(lone, ryu, LOSS, 20, 1e-9)
+    np.testing.assert_allclose(poses[-1], PATH[-1], atol=1e-12)
+    np.testing.assert_array_equal(points[-1], [9.0, 9.0, 9.0])
+    assert np.all(np.isfinite(poses)) and np.all(np.isfinite(points))
+
+
+def test_wrong_indices_are_refused(ryu: Optics, noisy: Bundle) -> None:
+    with pytest.raises(ValueError, match="point: an index is out of range"):
+        adjust(replace(noisy, points=noisy.points[:-1]), ryu, LOSS, 1, 1e-6)
+    with pytest.raises(ValueError, match="one row an observation"):
+        adjust(replace(noisy, view=noisy.view[:-1]), ryu, LOSS, 1, 1e-6)
