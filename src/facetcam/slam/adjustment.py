@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
-_GLOBAL_STOP = (60, 1e-8)  # the scale of a map converges slowly
+_GLOBAL_STOP = (60, 1e-7)  # the scale of a map converges slowly
+_LOSS = 1.2  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
 _TRIALS = 8
@@ -73,7 +74,7 @@ class Adjuster:
         bundle, used = self._bundle(keyframes, n_fixed, ids)
         if not len(used):
             return
-        poses, xyz = adjust(bundle, self._optics, 2.0 * self._config.pixel_sigma, *stop)
+        poses, xyz = adjust(bundle, self._optics, _LOSS * self._config.pixel_sigma, *stop)
         growth = _growth(bundle, poses, xyz)
         self._map.points.xyz[used] = xyz
         for keyframe, T, factor in zip(keyframes, poses, growth):
