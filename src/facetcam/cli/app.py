@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from facetcam import __version__
+from facetcam.cli.boards import boards
 from facetcam.cli.demo import demo
 from facetcam.cli.detect import detect
 from facetcam.cli.evaluate_detectors import detectors
@@ -43,7 +44,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (demo, slam, unwrap, detect):
+for command in (demo, slam, unwrap, boards, detect):
     app.command()(in_one_line(command))
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))

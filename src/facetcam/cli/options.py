@@ -36,6 +36,14 @@ class Format(StrEnum):
     json = "json"
 
 
+class BoardKind(StrEnum):
+    """A kind of calibration board."""
+
+    charuco = "charuco"
+    chessboard = "chessboard"
+    aprilgrid = "aprilgrid"
+
+
 def output_folder(out: Path | None, name: str) -> Path:
     """The folder asked for, or one named after the source and the time."""
     return out if out is not None else Path("runs") / f"{name}-{time.strftime('%Y%m%d-%H%M%S')}"
