@@ -23,6 +23,7 @@ class FakeSlam:
 
     SECONDS_A_FRAME = 0.0
     metric = False
+    dropped = 0
     scale_sigma = np.inf
     rig_check = SimpleNamespace(complaint="")
 
@@ -59,6 +60,9 @@ class FakeSlam:
 
     def finish(self) -> None:
         """Nothing is left to adjust."""
+
+    def close(self) -> None:
+        """No thread is left to wait for."""
 
     def trajectory(self) -> tuple[Array, Array]:
         return np.array(self.seen), np.array([self.pose(t) for t in self.seen]).reshape(-1, 4, 4)

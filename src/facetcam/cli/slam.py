@@ -37,6 +37,9 @@ def slam(
     config: Annotated[Path | None, typer.Option(help="Settings of tracking and mapping, YAML.")] = None,
     fps: FpsOption = None,
     max_frames: MaxFramesOption = None,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Play the film at its own pace, drop frames when behind.")
+    ] = False,
 ) -> None:
     """Track a film: trajectory, map and report."""
     from facetcam.pipelines import run_slam
@@ -52,6 +55,7 @@ def slam(
             settings=config,
             fps=fps,
             max_frames=max_frames,
+            real_time=real_time,
             progress=progress,
         )
     for warning in summary.warnings:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import closing
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
 from facetcam.errors import RigError
+from facetcam.io.frames import Frame
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
 from facetcam.pipelines.progress import Progress, keeping, silent, total_frames
@@ -25,6 +30,7 @@ def run_slam(
     settings: Path | str | None = None,
     fps: float | None = None,
     max_frames: int | None = None,
+    real_time: bool = False,
     progress: Progress = silent,
 ) -> Summary:
     """Track a film with a rig and write trajectory, states, map, summary and report into a fresh folder.
@@ -49,6 +55,8 @@ def run_slam(
         Frame rate that replaces the source's own times.
     max_frames : int, optional
         Stop after so many frames.
+    real_time : bool
+        Take the frames when they are due, as a robot does, and drop those that come too fast.
     progress : callable
         See `facetcam.pipelines.Progress`.
 
@@ -60,6 +68,8 @@ def run_slam(
     """
     require_absent(out)
     inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames)
+    if real_time:
+        inputs = replace(inputs, config=replace(inputs.config, real_time=True))
     return track_film(inputs, out, max_frames, progress).summary
 
 
@@ -72,8 +82,10 @@ def track_film(
         inputs.source,
         SlamRecord(fresh_folder(out), inputs.rig.view_names) as record,
         keeping(record.folder, lambda reason: write_results(record, slam, inputs, reason)),
+        closing(slam),
     ):
-        for frame in islice(inputs.source, max_frames):
+        frames = islice(inputs.source, max_frames)
+        for frame in when_due(frames) if inputs.config.real_time else frames:
             state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
             record.add(frame, state)
             require_fit(slam, state)
@@ -86,3 +98,13 @@ def require_fit(slam: Slam, state: State) -> None:
     """Raise RigError where no map can start because the rig is not that of the film."""
     if state.status is Status.STARTING and slam.rig_check.complaint:
         raise RigError(slam.rig_check.complaint)
+
+
+def when_due(frames: Iterable[Frame]) -> Iterator[Frame]:
+    """Hand out frames at their own pace; one that is late comes at once."""
+    start: float | None = None
+    for frame in frames:
+        if start is None:
+            start = time.perf_counter() - frame.timestamp
+        time.sleep(max(0.0, start + frame.timestamp - time.perf_counter()))
+        yield frame

@@ -61,6 +61,8 @@ def summarise(
 ) -> Summary:
     """The run in numbers."""
     warnings = [*inputs.source.warnings, *filter(None, [slam.rig_check.complaint])]
+    if slam.dropped:
+        warnings.append(f"{slam.dropped} of {record.frames} frames were dropped to keep up with real time")
     errors = None
     if inputs.truth is not None:
         try:
@@ -91,7 +93,7 @@ def summarise(
 def count_tracked(record: SlamRecord, times: Array) -> int:
     """Frames whose pose was measured, then or, at the start, later."""
     placed = set(times.tolist())
-    unmeasured = (Status.LOST, Status.DEAD_RECKONING)
+    unmeasured = (Status.LOST, Status.DEAD_RECKONING, Status.DROPPED)
     return sum(note.timestamp in placed and note.status not in unmeasured for note in record.notes)
 
 

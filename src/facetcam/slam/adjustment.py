@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
-_GLOBAL_STOP = (60, 1e-7)  # the scale of a map converges slowly
+_GLOBAL_STOP = (30, 1e-6)
+_LAST_STOP = (100, 1e-8)  # the scale of a map converges slowly
 _LOSS = 1.2  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
@@ -56,11 +57,11 @@ class Adjuster:
         anchors.sort(key=lambda k: k.index)
         self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_STOP)
 
-    def adjust_all(self) -> None:
-        """Adjust every keyframe and point, the first keyframe held."""
+    def adjust_all(self, last: bool = False) -> None:
+        """Adjust every keyframe and point, the first keyframe held; the last time more thoroughly."""
         if len(self._map.keyframes) > 1:
             everything = self._map.observed_points(self._map.keyframes)
-            self._adjust(self._map.keyframes, 1, everything, _GLOBAL_STOP)
+            self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP)
 
     def scale_sigma(self) -> float:
         """Relative standard deviation of the map's scale; inf where the images cannot tell it."""
@@ -71,16 +72,18 @@ class Adjuster:
         return scale_sigma(self._bundle(keyframes, 1, ids)[0], self._optics, self._config.pixel_sigma)
 
     def _adjust(self, keyframes: list[Keyframe], n_fixed: int, ids: Index, stop: tuple[int, float]) -> None:
-        bundle, used = self._bundle(keyframes, n_fixed, ids)
+        with self._map.lock:
+            bundle, used = self._bundle(keyframes, n_fixed, ids)
         if not len(used):
             return
         poses, xyz = adjust(bundle, self._optics, _LOSS * self._config.pixel_sigma, *stop)
         growth = _growth(bundle, poses, xyz)
-        self._map.points.xyz[used] = xyz
-        for keyframe, T, factor in zip(keyframes, poses, growth):
-            keyframe.T_world_rig = T
-            keyframe.scale *= factor
-        self._cull(keyframes, used)
+        with self._map.lock:
+            self._map.points.xyz[used] = xyz
+            for keyframe, T, factor in zip(keyframes, poses, growth):
+                keyframe.T_world_rig = T
+                keyframe.scale *= factor
+            self._cull(keyframes, used)
 
     def _bundle(self, keyframes: list[Keyframe], n_fixed: int, ids: Index) -> tuple[Bundle, Index]:
         """What the keyframes saw of some points as one problem, and the ids of its points."""

@@ -47,6 +47,9 @@ class SlamConfig:
         Relative error of odometry between keyframes; loose, since wheels slip and their scale drifts.
     metric_sigma : float
         Relative scale error below which the map is called metric.
+    real_time : bool
+        Map in a thread of its own, and drop frames that come faster than they can be tracked; results then
+        depend on the machine. Otherwise every run gives the same result.
     """
 
     features: int = 1200
@@ -67,3 +70,4 @@ class SlamConfig:
     window: int = 8
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02
+    real_time: bool = False

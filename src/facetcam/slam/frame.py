@@ -42,13 +42,17 @@ class Corners:
 
 @dataclass(slots=True)
 class Frame:
-    """A raw frame: `grey` at full and `half` at half size, and what else was made of it."""
+    """A raw frame: `grey` at full and `half` at half size, and what else was made of it.
+
+    The image as it came is let go once corners and their `colours` (N, 3), RGB, are taken from it.
+    """
 
     timestamp: float
-    image: NDArray[np.generic]
+    image: NDArray[np.generic] | None
     grey: Image
     half: Image
     corners: Corners | None = field(default=None)
+    colours: Image | None = field(default=None)
 
 
 def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, int]) -> Frame:
@@ -100,7 +104,9 @@ class CornerFinder:
         if frame.corners is None:
             keypoints = self._detector.detect(frame.grey, self._optics.mask)
             views = self._optics.view_of(keypoints.xy.astype(np.float64))
-            frame.corners = self._describe(frame.grey, keypoints, views)
+            corners = self._describe(frame.grey, keypoints, views)
+            frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
+            frame.corners, frame.image = corners, None
         return frame.corners
 
     def _describe(self, grey: Image, keypoints: Keypoints, views: NDArray[np.int8]) -> Corners:
@@ -119,3 +125,14 @@ class CornerFinder:
             return Corners(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
         pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
         return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
+
+
+def colours(image: NDArray[np.generic], pixels: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """RGB (N, 3) of the nearest pixels of a grey or BGR frame."""
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    values = image[rows, columns]
+    if values.dtype == np.uint16:
+        values = (values // 257).astype(np.uint8)
+    if values.ndim == 1:
+        values = np.repeat(values[:, None], 3, axis=1)
+    return np.asarray(values[:, ::-1], dtype=np.uint8)

@@ -12,6 +12,7 @@ from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.geometry import se3
 from facetcam.slam.frame import Corners, Frame
 from facetcam.slam.optics import Optics
+from facetcam.slam.threads import FairLock
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -64,6 +65,7 @@ class Keyframe:
     odometry: Array | None
     observations: Observations = field(default_factory=Observations)
     free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+    measured: int = 0  # points tracked when it was made
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
 
 
@@ -132,9 +134,14 @@ class Points:
 
 
 class Map:
-    """All keyframes and points."""
+    """All keyframes and points.
+
+    Whoever holds `lock` sees a whole map; mapping takes it step by step, so that tracking waits for
+    milliseconds only.
+    """
 
     def __init__(self) -> None:
+        self.lock = FairLock()
         self.clear()
 
     def clear(self) -> None:
@@ -168,7 +175,7 @@ class Map:
         kept : (N,) bool array
             False where the patch would reach over the border of the frame.
         """
-        assert keyframe.frame is not None
+        assert keyframe.frame is not None and keyframe.frame.colours is not None
         pixels, views = keyframe.corners.pixels[corner], keyframe.corners.views[corner]
         patches, offsets, kept = cut_patches(keyframe.frame.grey, pixels)
         T_rig_world = se3.inverse(keyframe.T_world_rig)
@@ -183,7 +190,7 @@ class Map:
             tangent=(keyframe.T_world_rig[:3, :3] @ tangent)[kept],
             jacobian=jacobian[kept],
             descriptor=keyframe.corners.descriptors[corner[kept]],
-            colour=colours(keyframe.frame.image, pixels[kept]),
+            colour=keyframe.frame.colours[corner[kept]],
         )
         return ids, kept
 
@@ -210,14 +217,3 @@ def tangents(points_rig: Array, views: NDArray[np.int8], optics: Optics) -> Arra
     aside /= np.linalg.norm(aside, axis=1, keepdims=True)
     step = np.stack([aside, np.cross(rays, aside)], axis=-1)
     return np.asarray(step * (depth / optics.focal)[:, None, None])
-
-
-def colours(image: NDArray[np.generic], pixels: Array) -> NDArray[np.uint8]:
-    """RGB (N, 3) of the nearest pixels of a grey or BGR frame."""
-    columns, rows = np.rint(pixels).astype(np.int64).T
-    values = image[rows, columns]
-    if values.dtype == np.uint16:
-        values = (values // 257).astype(np.uint8)
-    if values.ndim == 1:
-        values = np.repeat(values[:, None], 3, axis=1)
-    return np.asarray(values[:, ::-1], dtype=np.uint8)

@@ -10,7 +10,7 @@ from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.epipolar import match_along_epipolars
-from facetcam.slam.frame import CornerFinder, Frame
+from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
@@ -47,19 +47,27 @@ class Mapper:
         self, frame: Frame, T_world_rig: Array, seen: Measurements, odometry: Array | None, gate: float
     ) -> Keyframe:
         """Make a keyframe, give its free corners a depth, and adjust the window around it."""
-        keyframe = self._new_keyframe(frame, T_world_rig, odometry)
-        keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)
-        self._occupy(keyframe)
-        window = self._adjuster.window
+        lock = self._map.lock
+        corners = self._corners(frame)
+        with lock:
+            keyframe = self._new_keyframe(frame, T_world_rig, corners, odometry)
+            keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)
+            keyframe.measured = len(seen)
+            self._occupy(keyframe)
+            window = self._adjuster.window
         for partner in reversed(window[-1 - _PARTNERS : -1]):
-            self._triangulate(keyframe, partner, gate)
-        self._refind(keyframe, window)
+            with lock:
+                self._triangulate(keyframe, partner, gate)
+        for other in window:
+            with lock:
+                self._refind(keyframe, other)
         self._adjuster.adjust_window()
         self._forget_images()
         return keyframe
 
-    def _new_keyframe(self, frame: Frame, T_world_rig: Array, odometry: Array | None) -> Keyframe:
-        corners = self._corners(frame)
+    def _new_keyframe(
+        self, frame: Frame, T_world_rig: Array, corners: Corners, odometry: Array | None
+    ) -> Keyframe:
         index = len(self._map.keyframes)
         keyframe = Keyframe(index, frame.timestamp, T_world_rig, corners, frame, odometry)
         keyframe.free = np.ones(len(corners), dtype=bool)
@@ -129,18 +137,17 @@ class Mapper:
         old.observations.append(found.point, found.view, found.pixels, found.plane)
         return np.isin(ids, found.point)
 
-    def _refind(self, keyframe: Keyframe, window: list[Keyframe]) -> None:
-        """Look for the keyframe's points in all views of the other keyframes whose images are kept."""
+    def _refind(self, keyframe: Keyframe, other: Keyframe) -> None:
+        """Look for a keyframe's points in all views of another one whose images are kept."""
+        if other.frame is None:
+            return
         ids = np.unique(keyframe.observations.point)
-        for other in window:
-            if other.frame is None:
-                continue
-            predictions = predict(self._map.points, ids, other.T_world_rig, self._optics)
-            predictions = predictions.take(~other.observations.has(predictions.point, predictions.view))
-            found, hit = measure(other.frame, predictions, self._map.points, self._optics, self._config)
-            near = np.linalg.norm(found.pixels - predictions.pixels[hit], axis=1) < self._config.gate
-            found = found.take(near)
-            other.observations.append(found.point, found.view, found.pixels, found.plane)
+        predictions = predict(self._map.points, ids, other.T_world_rig, self._optics)
+        predictions = predictions.take(~other.observations.has(predictions.point, predictions.view))
+        found, hit = measure(other.frame, predictions, self._map.points, self._optics, self._config)
+        near = np.linalg.norm(found.pixels - predictions.pixels[hit], axis=1) < self._config.gate
+        found = found.take(near)
+        other.observations.append(found.point, found.view, found.pixels, found.plane)
 
     def _forget_images(self) -> None:
         for keyframe in self._map.keyframes[: -self._config.window]:

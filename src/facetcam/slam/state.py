@@ -18,6 +18,7 @@ class Status(enum.Enum):
     TRACKING = "TRACKING"
     DEAD_RECKONING = "DEAD_RECKONING"
     LOST = "LOST"
+    DROPPED = "DROPPED"  # not looked at, to keep up with real time
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator
@@ -16,6 +17,7 @@ from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame, make_frame
+from facetcam.slam.keyframes import is_due, nearest_keyframe
 from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.odometry import planar_motion, planar_pose
@@ -23,6 +25,7 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.state import State, Status, ViewHealth
+from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.trajectory import Trajectory
 
@@ -38,6 +41,9 @@ _PROBATION = 5
 class Slam:
     """Tracks a mirror rig and maps what it sees.
 
+    With `SlamConfig.real_time` the map grows in a thread of its own, and frames that come too fast are
+    dropped; else every run gives the same result. Any thread may call it: calls are taken one after another.
+
     Parameters
     ----------
     rig : Rig
@@ -49,6 +55,8 @@ class Slam:
         Relative standard deviation of the map's scale, inf where the images cannot tell it.
     rig_check : RigCheck
         Whether the rig's file and the film belong together.
+    dropped : int
+        Frames dropped to keep up with real time.
     timing : dict of str to list of float
         Seconds of each stage, call by call.
 
@@ -74,14 +82,16 @@ class Slam:
         self._tracker = Tracker(self._map, self._optics, self.config, corners)
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
         self.rig_check = RigCheck(self._optics, self.config, corners)
+        self.dropped = 0
+        self._calls = threading.Lock()
+        self._mapping = Background(self.config.real_time)
+        self._pace = Pace()
         self._trajectory = Trajectory()
         self._last_timestamp = -np.inf
-        self._T_world_rig = np.eye(4)
         self._T_step = np.eye(4)  # motion between the last two frames
         self._odometry: Array | None = None
         self._lost_frames = 0
         self._probation = 0  # frames after a loss in which only a clear pose is believed
-        self._keyframe_measurements = 0
         self._next_global = _FIRST_GLOBAL
 
     def track(self, image: NDArray[np.generic], timestamp: float, odometry: ArrayLike | None = None) -> State:
@@ -105,72 +115,75 @@ class Slam:
         FacetcamError
             If the frame does not fit the rig, the time does not increase or odometry is not three numbers.
         """
+        with self._calls:
+            self._mapping.check()
+            self._require_later(timestamp)
+            wheels = _checked(odometry)
+            with self._timed("frame"):
+                frame = make_frame(image, timestamp, self.rig.size)
+            self._last_timestamp = timestamp
+            if self.config.real_time and self._pace.behind(timestamp):
+                self.dropped += 1
+                return State(timestamp, Status.DROPPED, metric=self.metric, scale_sigma=self.scale_sigma)
+            with self._timed("check"):
+                self.rig_check.offer(frame)
+            state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
+            self._odometry = wheels
+            return state
+
+    def _require_later(self, timestamp: float) -> None:
         if not timestamp > self._last_timestamp:
             raise FacetcamError(
                 f"timestamp {timestamp} does not come after {self._last_timestamp}; sort the frames"
             )
-        wheels = _checked(odometry)
-        with self._timed("frame"):
-            frame = make_frame(image, timestamp, self.rig.size)
-        self._last_timestamp = timestamp
-        with self._timed("check"):
-            self.rig_check.offer(frame)
-        state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
-        self._odometry = wheels
-        return state
 
     def _follow(self, frame: Frame, odometry: Array | None) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
-        predicted = self._predict(odometry)
-        with self._timed("track"):
-            fix = self._tracker.find(frame, predicted)
-        if fix is None or (self._probation and not fix.clear):
+        with self._map.lock:
+            predicted = self._predict(odometry)
+            with self._timed("track"):
+                fix = self._tracker.find(frame, predicted)
+            found = fix is not None and (fix.clear or not self._probation)
+            due = fix is not None and found and self._accept(fix, frame.timestamp)
+        if fix is None or not found:
             return self._miss(frame, predicted, odometry)
-        self._accept(fix, frame.timestamp)
-        keyframe = self._wants_keyframe(fix)
+        keyframe = due and not self._mapping.busy
         if keyframe:
-            with self._timed("map"):
-                self._grow(frame, fix, odometry)
+            self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
     def _predict(self, odometry: Array | None) -> Array:
         """Odometry where there is some, else the last motion once more."""
         if odometry is not None and self._odometry is not None:
-            return self._T_world_rig @ planar_motion(self._odometry, odometry, 0.0)[0]
-        return self._T_world_rig @ self._T_step
+            return self._trajectory.last() @ planar_motion(self._odometry, odometry, 0.0)[0]
+        return self._trajectory.last() @ self._T_step
 
-    def _accept(self, fix: Fix, timestamp: float) -> None:
+    def _accept(self, fix: Fix, timestamp: float) -> bool:
+        """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
-        self._T_step = np.eye(4) if self._lost_frames else se3.inverse(self._T_world_rig) @ fix.T_world_rig
-        self._T_world_rig = fix.T_world_rig
-        self._trajectory.add(timestamp, fix.T_world_rig, self._map.keyframes[-1])
+        last = self._trajectory.last()
+        self._T_step = np.eye(4) if self._lost_frames else se3.inverse(last) @ fix.T_world_rig
+        nearest, distance = nearest_keyframe(self._map, fix, self.config)
+        self._trajectory.add(timestamp, fix.T_world_rig, nearest)
         self._lost_frames = 0
         self._probation = max(self._probation - 1, 0)
-
-    def _wants_keyframe(self, fix: Fix) -> bool:
-        """New points are due after enough motion against the depth, a turn, or lost measurements."""
-        config, last = self.config, self._map.keyframes[-1]
-        T = se3.inverse(last.T_world_rig) @ fix.T_world_rig
-        xyz = self._map.points.xyz[fix.seen.point]
-        depth = float(np.median(np.linalg.norm(xyz - fix.T_world_rig[:3, 3], axis=1)))
-        moved = np.linalg.norm(T[:3, 3]) > config.keyframe_parallax * depth
-        turned = np.linalg.norm(se3.log(T)[:3]) > config.keyframe_angle
-        thinned = len(fix.seen) < config.keyframe_overlap * self._keyframe_measurements
-        return bool(moved or turned or thinned)
+        return is_due(fix, nearest, distance, self.config)
 
     def _grow(self, frame: Frame, fix: Fix, odometry: Array | None) -> None:
-        keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self.config.gate)
-        self._keyframe_measurements = len(fix.seen)
-        if len(self._map.keyframes) >= self._next_global:
-            self._adjust_all()
-        self._T_world_rig = keyframe.T_world_rig
+        """Make a keyframe; in real time this runs beside tracking."""
+        with self._timed("map"):
+            keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self.config.gate)
+            with self._map.lock:
+                self._trajectory.rehang(keyframe)
+            if len(self._map.keyframes) >= self._next_global:
+                self._adjust_all()
 
-    def _adjust_all(self) -> None:
+    def _adjust_all(self, last: bool = False) -> None:
         """Adjust the whole map, since a window freezes the scale of its past, and judge the scale.
 
         It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
         """
-        self._adjuster.adjust_all()
+        self._adjuster.adjust_all(last)
         self.scale_sigma = self._adjuster.scale_sigma()
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
@@ -183,12 +196,13 @@ class Slam:
             return self._start_again(frame, odometry)
         if odometry is None or self._odometry is None:
             return State(frame.timestamp, Status.LOST, map_points=n_points)
-        self._T_world_rig = predicted
-        self._trajectory.add(frame.timestamp, predicted, self._map.keyframes[-1])
+        with self._map.lock:
+            self._trajectory.add(frame.timestamp, predicted, self._map.keyframes[-1])
         return State(frame.timestamp, Status.DEAD_RECKONING, predicted, map_points=n_points)
 
     def _start_again(self, frame: Frame, odometry: Array | None) -> State:
         """A map that fails this early was wrong: forget it with its poses."""
+        self._mapping.wait()
         self._map.clear()
         self._trajectory.clear()
         self.scale_sigma, self._next_global, self._lost_frames = np.inf, _FIRST_GLOBAL, 0
@@ -205,12 +219,12 @@ class Slam:
         for timestamp, T in [*start.solved, (start.first.timestamp, start.first.T_world_rig)]:
             self._trajectory.add(timestamp, T, start.first)
         self._trajectory.add(frame.timestamp, start.last.T_world_rig, start.last)
-        self._T_world_rig, self._T_step = start.last.T_world_rig, start.T_step
-        self._keyframe_measurements = len(start.last.observations)
+        self._T_step = start.T_step
+        start.first.measured = start.last.measured = len(start.last.observations)
         return State(
             frame.timestamp,
             Status.TRACKING,
-            self._T_world_rig.copy(),
+            start.last.T_world_rig.copy(),
             keyframe=True,
             map_points=self._n_points,
         )
@@ -219,10 +233,12 @@ class Slam:
         expected, inliers = (
             np.bincount(rows.view, minlength=self._optics.n_views) for rows in (fix.predictions, fix.seen)
         )
+        with self._map.lock:
+            T_world_rig = self._trajectory.last()
         return State(
             timestamp=frame.timestamp,
             status=Status.TRACKING,
-            T_world_rig=self._T_world_rig.copy(),
+            T_world_rig=T_world_rig,
             covariance=fix.pose.covariance,
             views={n: ViewHealth(int(e), int(i)) for n, e, i in zip(self._optics.names, expected, inliers)},
             keyframe=keyframe,
@@ -235,8 +251,13 @@ class Slam:
 
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""
-        with self._timed("finish"):
-            self._adjust_all()
+        with self._calls, self._timed("finish"):
+            self._mapping.wait()
+            self._adjust_all(last=True)
+
+    def close(self) -> None:
+        """Wait until nothing grows the map any more: for runs that end early. The map stays."""
+        self._mapping.join()
 
     @property
     def metric(self) -> bool:
@@ -250,16 +271,19 @@ class Slam:
     @property
     def keyframe_poses(self) -> Array:
         """Poses (K, 4, 4) of the keyframes."""
-        return np.array([k.T_world_rig for k in self._map.keyframes]).reshape(-1, 4, 4)
+        with self._map.lock:
+            return np.array([k.T_world_rig for k in self._map.keyframes]).reshape(-1, 4, 4)
 
     def trajectory(self) -> tuple[Array, Array]:
         """Timestamps (N,) and best current poses (N, 4, 4) of all frames that have one, in time order."""
-        return self._trajectory.poses()
+        with self._map.lock:
+            return self._trajectory.poses()
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         """World positions (M, 3) in metres and RGB colours (M, 3) of the map points."""
-        points = self._map.points
-        return points.xyz[points.alive].copy(), points.colour[points.alive].copy()
+        with self._map.lock:
+            points = self._map.points
+            return points.xyz[points.alive].copy(), points.colour[points.alive].copy()
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:

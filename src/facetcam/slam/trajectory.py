@@ -37,6 +37,17 @@ class Trajectory:
         T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
         self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale))
 
+    def rehang(self, keyframe: Keyframe) -> None:
+        """Let the frame that has become a keyframe follow itself."""
+        for i in range(len(self._frames) - 1, -1, -1):
+            if self._frames[i].timestamp == keyframe.timestamp:
+                self._frames[i] = _Hung(keyframe.timestamp, keyframe, np.eye(4), keyframe.scale)
+                return
+
+    def last(self) -> Array:
+        """Pose (4, 4) of the frame added last, as the map sees it now."""
+        return self._frames[-1].T_world_rig()
+
     def clear(self) -> None:
         """Forget all frames."""
         self._frames.clear()

@@ -1,0 +1,163 @@
+"""Speed and memory of tracking and mapping: time a frame, and whether it stays flat while a film runs on."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from _common import data_folder, show
+from numpy.typing import NDArray
+
+from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
+from facetcam.slam import Slam, SlamConfig, Status
+
+FILM, RIG = "house/loop.mp4", "house/rig_true.yaml"
+TRUTH, WHEELS = "house/loop.tum", "house/loop_odometry.csv"
+COLUMNS = ("case", "median ms", "mean ms", "CPU ms", "frames/s", "tracked", "dropped", "keyframes", "MB")
+IN_MEMORY = 200  # frames: colour takes 6 MB each
+JPEG_QUALITY = 95
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One frame for the tracker."""
+
+    image: NDArray[np.generic]
+    timestamp: float
+    odometry: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """How the film is fed."""
+
+    name: str
+    kind: str
+    threads: int
+    real_time: bool = False
+
+
+CASES = (
+    Case("in memory", "memory", 1),
+    Case("in memory", "memory", 2),
+    Case("in memory, real time", "memory", 2, real_time=True),
+    Case("decoding", "film", 1),
+    Case("decoding", "film", 2),
+    Case("decoding, real time", "film", 2, real_time=True),
+    Case("to and fro", "loop", 2),
+    Case("to and fro, real time", "loop", 2, real_time=True),
+)
+
+
+def shots(inputs: SlamInputs) -> Iterator[Shot]:
+    """The film as it comes."""
+    for frame in inputs.source:
+        yield Shot(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
+
+
+def to_and_fro(inputs: SlamInputs, times: int, folder: Path) -> Iterator[Shot]:
+    """The film forward, backward, forward, ... so that the motion is continuous.
+
+    Frames wait on disk as grey pictures: what they take does not count as the tracker's memory.
+    """
+    kept = []
+    for i, frame in enumerate(inputs.source):
+        path = str(folder / f"{i:06d}.jpg")
+        cv2.imwrite(
+            path, cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+        )
+        kept.append((path, inputs.odometry_at(frame.timestamp)))
+    step = 0.1  # seconds
+    order = [i for lap in range(times) for i in (range(len(kept)), reversed(range(len(kept))))[lap % 2]]
+    for k, i in enumerate(order):
+        if k and order[k - 1] == i:
+            continue  # the frame at which it turns comes once
+        yield Shot(cv2.imread(kept[i][0], cv2.IMREAD_GRAYSCALE), step * k, kept[i][1])
+
+
+def run(case: Case, times: int) -> dict[str, float]:
+    """One case in this process."""
+    cv2.setNumThreads(case.threads)
+    data = data_folder()
+    inputs = read_slam_inputs(data / FILM, data / RIG, data / WHEELS, data / TRUTH, None, None, None)
+    slam = Slam(inputs.rig, SlamConfig(real_time=case.real_time))
+    with inputs.source, tempfile.TemporaryDirectory() as folder:
+        if case.kind == "loop":
+            source = to_and_fro(inputs, times, Path(folder))
+        else:
+            source = shots(inputs)
+            if case.kind == "memory":
+                source = iter([shot for shot, _ in zip(source, range(IN_MEMORY))])
+        return measure(slam, source, case)
+
+
+def measure(slam: Slam, source: Iterator[Shot], case: Case) -> dict[str, float]:
+    walls, tracked = [], 0
+    start, cpu = time.perf_counter(), time.process_time()
+    for shot in source:
+        before = time.perf_counter()
+        state = slam.track(shot.image, shot.timestamp, shot.odometry)
+        walls.append(1e3 * (time.perf_counter() - before))
+        tracked += state.status is Status.TRACKING
+    seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
+    slam.finish()
+    tenth = max(len(walls) // 10, 1)
+    return {
+        "median": float(np.median(walls)),
+        "mean": float(np.mean(walls)),
+        "cpu": 1e3 * cpu / len(walls),
+        "fps": len(walls) / seconds,
+        "tracked": 100 * tracked / len(walls),
+        "dropped": slam.dropped,
+        "keyframes": len(slam.keyframe_poses),
+        "early": float(np.mean(walls[tenth : 2 * tenth])),
+        "late": float(np.mean(walls[-tenth:])),
+        "peak": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6,
+    }
+
+
+def row(case: Case, r: dict[str, float]) -> list[str]:
+    return [
+        f"{case.name}, {case.threads} thread{'s' if case.threads > 1 else ''}",
+        f"{r['median']:.1f}",
+        f"{r['mean']:.1f}" if case.kind != "loop" else f"{r['early']:.1f} > {r['late']:.1f}",
+        f"{r['cpu']:.1f}",
+        f"{r['fps']:.1f}",
+        f"{r['tracked']:.1f} %",
+        f"{r['dropped']:.0f}",
+        f"{r['keyframes']:.0f}",
+        f"{r['peak']:.0f}",
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="run only cases whose name holds this")
+    parser.add_argument("--times", type=int, default=20, help="laps of `to and fro`")
+    parser.add_argument("--case", type=int, help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.case is not None:
+        print(json.dumps(run(CASES[args.case], args.times)))
+        return
+    rows = []
+    for i, case in enumerate(CASES):
+        if args.only in case.name:
+            command = [sys.executable, __file__, "--case", str(i), "--times", str(args.times)]
+            done = subprocess.run(command, capture_output=True, text=True)
+            last = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()[-1]
+            rows.append(row(case, json.loads(last)) if done.returncode == 0 else [case.name, last])
+    show("tracking and mapping", COLUMNS, rows)
+
+
+if __name__ == "__main__":
+    main()
