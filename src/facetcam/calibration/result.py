@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +132,8 @@ class Calibration:
     findings : tuple of Finding
     seconds : float
         Time of the solve.
+    fit : Fit
+        The problem and its state (`facetcam.calibration.fit`), from which `validate` goes on.
     """
 
     rig: Rig
@@ -145,6 +148,7 @@ class Calibration:
     unobservable: tuple[Unknown, ...] = ()
     findings: tuple[Finding, ...] = ()
     seconds: float = 0.0
+    fit: Any = field(default=None, repr=False)
 
     def rms(self, kept_only: bool = True) -> float:
         """Root mean square length of the residual vectors in pixels, of the corners kept or of all."""

@@ -1,0 +1,112 @@
+"""What the photos say of the rig's numbers: information, covariance, and the directions left open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration import lens
+from facetcam.calibration.fit import Fit
+from facetcam.calibration.least_squares import normal_equations, restricted
+from facetcam.calibration.optics import MirrorOptics
+from facetcam.calibration.result import Parameters
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+OPEN = 0.3  # of the drawing's tolerance: where photos leave more than this, they are said to know nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Knowledge:
+    """Information of the photos on the free numbers of lens and mirrors, all else taken out.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of all numbers, free or held.
+    free : (F,) int array
+        Indices of the free ones.
+    tolerance : (F,) array
+        Of the drawing.
+    information : (F, F) array
+        Of the photos alone, per tolerance squared: 1 is a photo set as good as the drawing.
+    """
+
+    names: tuple[str, ...]
+    free: Index
+    tolerance: Array
+    information: Array
+
+    @cached_property
+    def _eigen(self) -> tuple[Array, Array]:
+        values, vectors = np.linalg.eigh(self.information)
+        return np.maximum(values, 0.0), vectors
+
+    @cached_property
+    def open_directions(self) -> Array:
+        """Orthonormal directions (F, D), in units of the tolerance, that the photos leave open."""
+        values, vectors = self._eigen
+        return vectors[:, values < OPEN**-2]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the free numbers (F, F), SI units; open directions have the drawing's tolerance."""
+        values, vectors = self._eigen
+        scaled = (vectors / (values + 1.0)) @ vectors.T
+        return self.tolerance[:, None] * scaled * self.tolerance
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviations (F,); NaN where the photos leave a number open."""
+        sigma = np.sqrt(np.diag(self.covariance))
+        return np.where(sigma < OPEN * self.tolerance, sigma, np.nan)
+
+
+def knowledge(fit: Fit, noise: float) -> Knowledge:
+    """What the corners kept say, each coordinate good to `noise` pixels."""
+    looks = fit.looks.only(fit.kept)
+    normal = normal_equations(fit.state, looks, np.ones(len(looks.pixels)))
+    reduced = restricted(normal, fit.free).reduced()[0] / noise**2
+    rig = int(np.count_nonzero(fit.free[: fit.state.first_board]))
+    A, B, C = reduced[:rig, :rig], reduced[:rig, rig:], reduced[rig:, rig:]
+    if len(C):
+        # A board hardly seen has next to no information; it must not divide by zero.
+        C = C + 1e-9 * np.diag(np.diag(C)) + 1e-6 * np.eye(len(C))
+        A = A - B @ np.linalg.solve(C, B.T)
+    free = np.flatnonzero(fit.free[: fit.state.first_board])
+    tolerance = np.concatenate([fit.prior.tolerance, fit.state.optics.tolerance])[free]
+    information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance
+    return Knowledge(names_of(fit), free, tolerance, information)
+
+
+def names_of(fit: Fit) -> tuple[str, ...]:
+    """Names of all numbers of lens and mirrors."""
+    optics = _mirrors(fit)
+    own = ("tilt u", "tilt v", "shift")
+    return lens.NAMES[fit.state.model] + tuple(f"{m}: {word}" for m in optics.names for word in own)
+
+
+def parameters_of(fit: Fit, known: Knowledge) -> Parameters:
+    """The free numbers with their sigmas, tilts in degrees and shifts in millimetres."""
+    optics = _mirrors(fit)
+    lenses = len(fit.state.intrinsics)
+    values = np.concatenate([fit.state.intrinsics, *(p.values for p in optics.planes)])
+    units = ["px"] * 4 + [""] * (lenses - 4) + ["deg", "deg", "mm"] * len(optics.planes)
+    scale = {"px": 1.0, "": 1.0, "deg": float(np.degrees(1.0)), "mm": 1e3}
+    factors = np.array([scale[units[i]] for i in known.free])
+    return Parameters(
+        tuple(known.names[i] for i in known.free),
+        tuple(units[i] for i in known.free),
+        values[known.free] * factors,
+        known.sigma * factors,
+        known.covariance,
+    )
+
+
+def _mirrors(fit: Fit) -> MirrorOptics:
+    assert isinstance(fit.state.optics, MirrorOptics)
+    return fit.state.optics

@@ -1,0 +1,232 @@
+"""From the rig to the camera through a view's mirrors, with derivatives by what the solver may move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import reflection, se3
+from facetcam.rig import Mirror, Rig
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Optics(Protocol):
+    """What the solver asks of a model of the views."""
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+
+    @property
+    def offsets(self) -> Array:
+        """Value of each parameter against the drawing, in units of the drawing's tolerance, (count,)."""
+
+    @property
+    def tolerance(self) -> Array:
+        """Tolerance of the drawing in each parameter; inf where the drawing says nothing, (count,)."""
+
+    def columns(self, view: int) -> Index:
+        """Parameters on which a view depends."""
+
+    def into_camera(self, view: int, points: Array) -> Array:
+        """Points (N, 3) of the rig frame where the real camera seems to see them in a view."""
+
+    def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
+        """Derivatives of `into_camera` by the points (N, 3, 3) and by those of `columns` (N, 3, C)."""
+
+    def moved(self, step: Array) -> Self:
+        """The model after a step (count,) of its parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A mirror's plane: tilts a, b about a point of the drawing, and a shift along the normal."""
+
+    normal: Array  # of the drawing
+    axes: Array  # (2, 3), across the normal
+    pivot: Array
+    values: Array  # (tan of tilt towards axes[0], towards axes[1], shift in metres)
+
+    @classmethod
+    def of(cls, mirror: Mirror, towards: Array) -> Plane:
+        """The plane of a mirror; it tilts about its middle, unbounded about its foot under `towards`."""
+        n = mirror.normal
+        if mirror.polygon is None:
+            pivot = towards - (n @ towards - mirror.offset) * n
+        else:
+            pivot = mirror.polygon.mean(axis=0)
+        across = np.linalg.svd(n[None])[2][1:]
+        return cls(n, across, pivot, np.zeros(3))
+
+    @cached_property
+    def _slope(self) -> tuple[Array, float]:
+        sloped = self.normal + self.values[:2] @ self.axes
+        length = float(np.linalg.norm(sloped))
+        return sloped / length, length
+
+    @property
+    def plane(self) -> tuple[Array, float]:
+        """Normal and offset."""
+        n = self._slope[0]
+        return n, float(n @ self.pivot + self.values[2])
+
+    @cached_property
+    def reflection(self) -> Array:
+        """Reflection, (4, 4)."""
+        return reflection.reflection(*self.plane)
+
+    @cached_property
+    def derivatives(self) -> Array:
+        """Derivatives of the reflection by the three values, (3, 4, 4)."""
+        n, d = self.plane
+        by_normal = (self.axes - (self.axes @ n)[:, None] * n) / self._slope[1]
+        out = np.zeros((3, 4, 4))
+        for i, dn in enumerate([*by_normal, np.zeros(3)]):
+            dd = 1.0 if i == 2 else dn @ self.pivot
+            out[i, :3, :3] = -2.0 * (np.outer(dn, n) + np.outer(n, dn))
+            out[i, :3, 3] = 2.0 * (dd * n + d * dn)
+        return out
+
+    def motion(self) -> Array:
+        """Rigid motion (4, 4) from the mirror as drawn to as it is, without sliding in its plane."""
+        n = self._slope[0]
+        axis = np.cross(self.normal, n)
+        sine = float(np.linalg.norm(axis))
+        angle = np.arctan2(sine, float(self.normal @ n))
+        R = se3.exp(np.r_[axis * (angle / sine if sine > 1e-15 else 1.0), 0.0, 0.0, 0.0])[:3, :3]
+        return se3.from_rotation_translation(R, self.pivot - R @ self.pivot + self.values[2] * n)
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorOptics:
+    """Views behind flat first-surface mirrors, three parameters a mirror.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The mirrors that some view looks into, in the order of the parameters.
+    planes : tuple of Plane
+    chains : tuple of tuple of int
+        Indices of mirrors a view, in the order a camera ray meets them.
+    T_cam_rig : (4, 4) array
+    tolerance : (3 M,) array
+    """
+
+    names: tuple[str, ...]
+    planes: tuple[Plane, ...]
+    chains: tuple[tuple[int, ...], ...]
+    T_cam_rig: Array
+    tolerance: Array
+
+    @classmethod
+    def of(cls, rig: Rig, views: Sequence[str], tilt: float, shift: float) -> MirrorOptics:
+        """The views of a rig; the drawing is good to `tilt` (radians) and `shift` (metres) a mirror."""
+        names = tuple(m for m in rig.mirrors if any(m in rig.views[v].mirrors for v in views))
+        centre = rig.T_rig_cam[:3, 3]
+        planes = tuple(Plane.of(rig.mirrors[m], centre) for m in names)
+        chains = tuple(tuple(names.index(m) for m in rig.views[v].mirrors) for v in views)
+        # Millimetres suit a rig that fits on a robot; of a mirror metres away a drawing knows less.
+        shifts = [max(shift, 0.02 * float(np.linalg.norm(p.pivot - centre))) for p in planes]
+        tolerance = np.array([[np.tan(tilt), np.tan(tilt), s] for s in shifts]).reshape(-1)
+        return cls(names, planes, chains, se3.inverse(rig.T_rig_cam), tolerance)
+
+    @property
+    def count(self) -> int:
+        return 3 * len(self.planes)
+
+    @property
+    def offsets(self) -> Array:
+        values = np.concatenate([np.empty(0), *(p.values for p in self.planes)])
+        return np.asarray(values / self.tolerance)
+
+    def columns(self, view: int) -> Index:
+        return np.array([3 * m + i for m in self.chains[view] for i in range(3)], dtype=np.int64)
+
+    def into_camera(self, view: int, points: Array) -> Array:
+        return se3.transform(self._maps[view][0], points)
+
+    def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
+        E, by_planes = self._maps[view]
+        by_points = np.broadcast_to(E[:3, :3], (len(points), 3, 3))
+        by_values = np.einsum("pij,nj->nip", by_planes[:, :3, :3], points) + by_planes[:, :3, 3].T
+        return by_points, by_values
+
+    def moved(self, step: Array) -> MirrorOptics:
+        steps = step.reshape(-1, 3)
+        return replace(
+            self, planes=tuple(replace(p, values=p.values + s) for p, s in zip(self.planes, steps))
+        )
+
+    @cached_property
+    def _maps(self) -> list[tuple[Array, Array]]:
+        """Per view T_image_rig = T_cam_rig S_1 ... S_k, and its derivatives (3 k, 4, 4)."""
+        return [self._map(chain) for chain in self.chains]
+
+    def _map(self, chain: tuple[int, ...]) -> tuple[Array, Array]:
+        S = [self.planes[m].reflection for m in chain]
+        by_planes = []
+        for place, m in enumerate(chain):
+            before = self.T_cam_rig @ reflection.chain(S[:place][::-1])
+            after = reflection.chain(S[place + 1 :][::-1])
+            by_planes.append(before @ self.planes[m].derivatives @ after)
+        return self.T_cam_rig @ reflection.chain(S[::-1]), np.concatenate([np.empty((0, 4, 4)), *by_planes])
+
+    def rig(self, rig: Rig) -> Rig:
+        """`rig` with these mirrors; polygons move with their planes."""
+        mirrors = dict(rig.mirrors)
+        for name, plane in zip(self.names, self.planes):
+            mirrors[name] = _moved_mirror(rig.mirrors[name], plane)
+        return replace(rig, mirrors=mirrors)
+
+
+def _moved_mirror(mirror: Mirror, plane: Plane) -> Mirror:
+    normal, offset = plane.plane
+    polygon = None if mirror.polygon is None else se3.transform(plane.motion(), mirror.polygon)
+    return replace(mirror, normal=normal, offset=offset, polygon=polygon)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeOptics:
+    """Views with any pose: six parameters a view, from no drawing; for what mirrors do not explain."""
+
+    T_image_rig: Array  # (V, 4, 4), of determinant -1 for mirror images
+
+    @classmethod
+    def of(cls, optics: Mapping[int, Array] | Sequence[Array]) -> FreeOptics:
+        """Views at these signed poses T_image_rig."""
+        return cls(np.array(optics))
+
+    @property
+    def count(self) -> int:
+        return 6 * len(self.T_image_rig)
+
+    @property
+    def offsets(self) -> Array:
+        return np.zeros(self.count)
+
+    @property
+    def tolerance(self) -> Array:
+        return np.full(self.count, np.inf)
+
+    def columns(self, view: int) -> Index:
+        return np.arange(6 * view, 6 * view + 6)
+
+    def into_camera(self, view: int, points: Array) -> Array:
+        return se3.transform(self.T_image_rig[view], points)
+
+    def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
+        R = self.T_image_rig[view, :3, :3]
+        seen = self.into_camera(view, points)
+        by_values = np.concatenate([-se3.skew(seen), np.broadcast_to(np.eye(3), (len(points), 3, 3))], axis=2)
+        return np.broadcast_to(R, (len(points), 3, 3)), by_values
+
+    def moved(self, step: Array) -> FreeOptics:
+        steps = step.reshape(-1, 6)
+        return FreeOptics(np.array([se3.exp(s) @ T for s, T in zip(steps, self.T_image_rig)]))

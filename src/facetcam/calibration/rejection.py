@@ -1,0 +1,96 @@
+"""Which corners and sightings are believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.fit import Fit, looks_of
+from facetcam.calibration.result import Finding
+from facetcam.calibration.sightings import Sighting
+from facetcam.calibration.start import is_mirrored
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_SIGMAS = 4.0
+_RAYLEIGH = 1.1774  # median length of a vector of two unit normal coordinates
+_LEAST_NOISE = 0.01  # pixels
+_STRANGE = 5.0  # pixels by which a sighting may be off before corners are rejected
+
+
+def noise_of(fit: Fit) -> float:
+    """Standard deviation of a corner coordinate, from the middle of the residuals."""
+    lengths = np.linalg.norm(fit.residuals, axis=1)
+    return max(float(np.median(lengths)) / _RAYLEIGH, _LEAST_NOISE) if len(lengths) else _LEAST_NOISE
+
+
+def believed(fit: Fit, sigma: float) -> Mask:
+    """Mask of the corners that noise explains."""
+    kept: Mask = np.linalg.norm(fit.residuals, axis=1) < _SIGMAS * sigma
+    return kept
+
+
+def reviewed(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple[Fit, list[Sighting]]:
+    """Give every sighting the view that explains it best now; also those that had none.
+
+    Returns
+    -------
+    fit : Fit
+    strange : list of Sighting
+        Sightings that no view explains.
+    """
+    limit = max(_STRANGE, 10.0 * noise_of(fit))
+    named, places, stations, strange = [], [], [], []
+    for s in sightings:
+        standing = fit.place_of(s)
+        if standing is None:
+            strange.append(s)
+            continue
+        errors = {
+            v: _error(fit, boards, s, i, *standing)
+            for i, v in enumerate(fit.views)
+            if _may(fit, s, v, boards)
+        }
+        view = min(errors, key=lambda v: errors[v], default=None)
+        if view is None or errors[view] > limit:
+            strange.append(s)
+            continue
+        named.append(replace(s, view=view))
+        places.append(standing[0])
+        stations.append(standing[1])
+    looks = looks_of(named, boards, fit.views, places, stations)
+    kept = np.ones(len(looks.pixels), dtype=bool)
+    return replace(fit, sightings=tuple(named), looks=looks, kept=kept), strange
+
+
+def _may(fit: Fit, sighting: Sighting, view: str, boards: BoardSet) -> bool:
+    """Tell whether a sighting may be in a view: the one it was given, or one of its handedness."""
+    if sighting.view is not None:
+        return sighting.view == view
+    mirrored = sighting.mirrored if sighting.mirrored is not None else is_mirrored(sighting, boards)
+    return fit.nominal.is_flipped(view) == mirrored
+
+
+def _error(fit: Fit, boards: BoardSet, sighting: Sighting, view: int, place: int, station: int) -> float:
+    """Median distance in pixels between where a sighting is and where one view would show it."""
+    looks = looks_of([replace(sighting, view=fit.views[view])], boards, fit.views, [place], [station])
+    return float(np.median(np.linalg.norm(looks.pixels - fit.state.predict(looks), axis=1)))
+
+
+def findings_of(strange: Sequence[Sighting], boards: BoardSet) -> tuple[Finding, ...]:
+    """Say which sightings no view explains."""
+    return tuple(
+        Finding(
+            "sighting rejected",
+            f"photo {s.photo}: board '{boards.boards[s.board].name}' near"
+            f" ({s.pixels[:, 0].mean():.0f}, {s.pixels[:, 1].mean():.0f}) fits no view of the rig",
+            (s.photo,),
+        )
+        for s in strange
+        if len(s)
+    )

@@ -1,0 +1,152 @@
+"""Solve a rig from sightings of boards: lens, mirrors, boards and rig poses together."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration.assignment import assign
+from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.covariance import knowledge, parameters_of
+from facetcam.calibration.fit import Fit, Tolerance, begin
+from facetcam.calibration.guidance import LookAgain, looked_again
+from facetcam.calibration.observability import unknowns
+from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed
+from facetcam.calibration.result import Calibration, FittedSighting
+from facetcam.calibration.sightings import Sighting
+from facetcam.calibration.start import poses_apart, usable
+from facetcam.errors import FacetcamError
+from facetcam.geometry import se3
+from facetcam.rig import NO_VIEW, Rig
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int | None], None]
+
+_LOSSES = (100.0, 10.0, 2.0)  # pixels, coarse to fine
+_STEPS = 6
+
+
+def solve(
+    rig: Rig,
+    boards: BoardSet,
+    sightings: Sequence[Sighting],
+    look_again: LookAgain | None = None,
+    progress: Progress | None = None,
+    tolerance: Tolerance | None = None,
+) -> Calibration:
+    """Solve for the rig as built.
+
+    Parameters
+    ----------
+    rig : Rig
+        As drawn; good to about 3 degrees and 5 mm a mirror and 10 % in focal length.
+    boards : BoardSet
+    sightings : sequence of Sighting
+        From all photos; those without a view are assigned to one.
+    look_again : callable, optional
+        `(photo, predicted (N, 2), square_px (N,)) -> (pixels (N, 2), accepted (N,))`: looks for corners where
+        the first solve predicts them.
+    progress : callable, optional
+        Called with steps done and steps in all.
+    tolerance : Tolerance, optional
+        Of the drawing.
+
+    Raises
+    ------
+    FacetcamError
+        If nothing can be solved: too few sightings, or none that fit a view of the rig.
+    """
+    began = time.perf_counter()
+    done = _Steps(progress)
+    tolerance = tolerance or Tolerance()
+    fit = started(rig, boards, sightings, tolerance)
+    done()
+    for loss in _LOSSES[:2]:
+        fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
+    done()
+    fit, strange = reviewed(fit, boards, sightings)
+    done()
+    fit = settled(fit)
+    done()
+    if look_again is not None:
+        fit = settled(looked_again(fit, boards, look_again))
+    done()
+    result = _calibration(fit, boards, strange, noise_of(fit), began)
+    done()
+    return result
+
+
+def started(rig: Rig, boards: BoardSet, sightings: Sequence[Sighting], tolerance: Tolerance) -> Fit:
+    """The joint problem with every sighting in its view, boards and rig roughly placed."""
+    whole = [s for s in sightings if usable(s, boards)]
+    if not whole:
+        raise FacetcamError(
+            f"calibration: none of {len(sightings)} sightings shows four corners that span an area;"
+            " take photos in which more of a board is seen"
+        )
+    camera, T_image_board, _ = poses_apart(rig.camera, tolerance.focal, whole, boards)
+    views = list(rig.views)
+    assignment = assign(replace(rig, camera=camera), views, boards, whole, T_image_board)
+    if np.all(assignment.view == NO_VIEW):
+        raise FacetcamError(
+            "calibration: no board stands where a view of the rig could show it;"
+            " check that the rig file belongs to these photos"
+        )
+    return begin(rig, camera, boards, whole, views, assignment, tolerance)
+
+
+def settled(fit: Fit) -> Fit:
+    """Reject wrong corners and solve for the rest."""
+    fit = fit.solved(_LOSSES[2])
+    for _ in range(2):
+        sigma = noise_of(fit)
+        fit = replace(fit, kept=believed(fit, sigma), prior=replace(fit.prior, noise=sigma)).solved(None)
+    return fit
+
+
+def _calibration(
+    fit: Fit, boards: BoardSet, strange: Sequence[Sighting], noise: float, began: float
+) -> Calibration:
+    known = knowledge(fit, noise)
+    predicted = fit.state.predict(fit.looks)
+    fitted = tuple(
+        FittedSighting(s, predicted[a:b], fit.kept[a:b]) for s, (a, b) in zip(fit.sightings, fit.looks.bounds)
+    )
+    state, worlds = fit.state, fit.places != (-1,)
+    poses = {
+        (s.photo, s.board): state.T_rig_station[p] @ state.T_station_board[b]
+        for s, b, p in zip(fit.sightings, fit.looks.board, fit.looks.station)
+    }
+    return Calibration(
+        rig=fit.rig,
+        nominal=fit.nominal,
+        boards=boards,
+        T_rig_board=poses,
+        T_world_rig={
+            photo: se3.inverse(T) for (photo, _), T in zip(fit.stations, state.T_rig_station) if worlds
+        },
+        T_world_board={int(b): state.T_station_board[b] for b in np.unique(fit.looks.board) if worlds},
+        sightings=fitted,
+        parameters=parameters_of(fit, known),
+        noise=noise,
+        unobservable=unknowns(fit, known, boards),
+        findings=findings_of(strange, boards),
+        seconds=time.perf_counter() - began,
+        fit=fit,
+    )
+
+
+class _Steps:
+    """Counts the steps of a solve."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self._progress, self._done = progress, 0
+
+    def __call__(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, _STEPS)
