@@ -1,4 +1,4 @@
-// Python border of bundle adjustment: checks indices and shapes, releases the GIL.
+// Python border of bundle adjustment and pose refinement: checks indices and shapes, releases the GIL.
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
@@ -8,6 +8,7 @@
 
 #include "bindings.hpp"
 #include "bundle.hpp"
+#include "pose.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -129,6 +130,27 @@ auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_w
                            done.iterations);
 }
 
+auto refined_pose(double focal, const Motions4& T_view_rig, const Motions4& T_world_rig, const Rows3& points,
+                  const Indices& view, const Rows2& plane, double sigma, int max_steps) {
+    const std::size_t n = points.shape(0);
+    require(T_world_rig.shape(0) == 1, "T_world_rig: expected one pose");
+    require(view.size() == n && plane.shape(0) == n, "points, view, plane: expected one row an observation");
+    require_below(view, T_view_rig.shape(0), "view: an index is out of range");
+    const Pinholes pinholes{focal, rigid(T_view_rig)};
+    std::vector<Vec3d> known(n);
+    std::vector<Observation> seen(n);
+    for (std::size_t i = 0; i < n; ++i) {
+        known[i] = {{points(i, 0), points(i, 1), points(i, 2)}};
+        seen[i] = {0, static_cast<int>(view(i)), static_cast<int>(i), plane(i, 0), plane(i, 1)};
+    }
+    Rigid T = rigid(T_world_rig)[0];
+    {
+        nb::gil_scoped_release release;
+        T = refine_pose(pinholes, T, known, seen, sigma, max_steps);
+    }
+    return matrices({T});
+}
+
 }  // namespace
 
 void facetcam::bind_bundle(nb::module_& m) {
@@ -138,4 +160,7 @@ void facetcam::bind_bundle(nb::module_& m) {
           "roots"_a.noconvert(), "motion_loss_scales"_a.noconvert(), "loss_scale"_a, "max_iterations"_a,
           "tolerance"_a, "threads"_a,
           "Poses (K, 4, 4) and points (P, 3) of least cost, the cost before and after, and the iterations.");
+    m.def("refine_pose", &refined_pose, "focal"_a, "T_view_rig"_a.noconvert(), "T_world_rig"_a.noconvert(),
+          "points"_a.noconvert(), "view"_a.noconvert(), "plane"_a.noconvert(), "sigma"_a, "max_steps"_a,
+          "Pose (1, 4, 4) that fits what was seen of known points.");
 }

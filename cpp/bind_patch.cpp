@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "bindings.hpp"
+#include "parallel.hpp"
 #include "patch.hpp"
 
 namespace nb = nanobind;
@@ -23,7 +24,8 @@ facetcam::Grey8 grey(const Image& image) {
 }
 
 auto align_patches(const Image& full, const Image& half, const Patches& patches, const Floats<2>& offsets,
-                   const Floats<3>& warps, const Floats<2>& start, float max_shift, int max_iterations) {
+                   const Floats<3>& warps, const Floats<2>& start, float max_shift, int max_iterations,
+                   int threads) {
     const std::size_t n = patches.shape(0);
     if (patches.shape(1) != patches.shape(2) || offsets.shape(0) != n || warps.shape(0) != n ||
         start.shape(0) != n || offsets.shape(1) != 2 || start.shape(1) != 2 || warps.shape(1) != 2 ||
@@ -36,7 +38,8 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
     nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });
     {
         nb::gil_scoped_release release;
-        for (std::size_t i = 0; i < n; ++i) {
+        facetcam::parallel_for(static_cast<int>(n), threads, [&](int task) {
+            const std::size_t i = static_cast<std::size_t>(task);
             facetcam::Reference reference{
                 patches.data() + i * size * size, size, offsets(i, 0), offsets(i, 1), {}};
             for (int k = 0; k < 4; ++k) reference.warp[k] = warps(i, k / 2, k % 2);
@@ -46,7 +49,7 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
             out[4 * i + 1] = a.y;
             out[4 * i + 2] = a.score;
             out[4 * i + 3] = a.spread;
-        }
+        });
     }
     return nb::ndarray<nb::numpy, float, nb::ndim<2>>(out, {n, 4}, owner);
 }
@@ -56,6 +59,6 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
 void facetcam::bind_patch(nb::module_& m) {
     m.def("align_patches", &align_patches, "full"_a.noconvert(), "half"_a.noconvert(),
           "patches"_a.noconvert(), "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(),
-          "max_shift"_a, "max_iterations"_a,
+          "max_shift"_a, "max_iterations"_a, "threads"_a,
           "Positions, correlation and spread (N, 4) of patches found in an image.");
 }

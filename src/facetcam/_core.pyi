@@ -97,6 +97,7 @@ def align_patches(
     start: NDArray[np.float32],
     max_shift: float,
     max_iterations: int,
+    threads: int,
 ) -> NDArray[np.float32]: ...
 def adjust_bundle(
     focal: float,
@@ -117,3 +118,13 @@ def adjust_bundle(
     tolerance: float,
     threads: int,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float, int]: ...
+def refine_pose(
+    focal: float,
+    T_view_rig: NDArray[np.float64],
+    T_world_rig: NDArray[np.float64],
+    points: NDArray[np.float64],
+    view: NDArray[np.int64],
+    plane: NDArray[np.float64],
+    sigma: float,
+    max_steps: int,
+) -> NDArray[np.float64]: ...

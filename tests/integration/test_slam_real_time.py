@@ -49,8 +49,8 @@ def real_time(shot: Shot) -> Slam:
     return Slam(shot.rig, SlamConfig(real_time=True))
 
 
-def mapping_threads() -> int:
-    return sum(thread.name == "facetcam-mapping" for thread in threading.enumerate())
+def background_threads() -> int:
+    return sum(thread.name == "facetcam-background" for thread in threading.enumerate())
 
 
 def test_the_result_is_the_same_to_the_byte_whatever_the_threads(shot: Shot) -> None:
@@ -78,7 +78,7 @@ def test_mapping_beside_tracking_is_as_accurate(shot: Shot) -> None:
             time.sleep(0.005)
         slam.track(shot.images[k], 4.0 * shot.drive.times[k], shot.wheels[k])
     slam.finish()
-    assert mapping_threads() == 0
+    assert background_threads() == 0
     times, poses = slam.trajectory()
     truth = (shot.drive.times, shot.drive.poses)
     assert len(times) >= FRAMES - slam.dropped - 2
@@ -116,7 +116,8 @@ def test_an_error_in_mapping_reaches_the_caller(shot: Shot, monkeypatch: pytest.
             shot.feed(slam, later)
         slam.finish()
     assert len(slam.trajectory()[0]) > 0  # what was found stays
-    assert mapping_threads() == 0
+    slam.close()
+    assert background_threads() == 0
 
 
 def test_many_callers_do_not_lock_each_other_out(shot: Shot) -> None:
@@ -146,4 +147,4 @@ def test_many_callers_do_not_lock_each_other_out(shot: Shot) -> None:
     assert refused and all("does not come after" in line for line in refused)
     assert slam.track(shot.images[0], 1e3).timestamp == 1e3
     slam.close()
-    assert mapping_threads() == 0
+    assert background_threads() == 0

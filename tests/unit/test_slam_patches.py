@@ -40,7 +40,7 @@ def align(reference: Image, image: Image, features: Array, A: Array, start: Arra
     half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     warps = np.broadcast_to(A, (len(features), 2, 2)).astype(np.float32).copy()
     return _core.align_patches(
-        image, half, patches.copy(), offsets, warps, start.astype(np.float32), 8.0, 12
+        image, half, patches.copy(), offsets, warps, start.astype(np.float32), 8.0, 12, 2
     ).astype(float)
 
 

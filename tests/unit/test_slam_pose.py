@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.stats import chi2
-from slam_worlds import fisheye, folded, look, pyramid, walls
+from slam_worlds import fisheye, folded, in_sight, look, pyramid, walls, winding_path
 
 from facetcam.geometry import se3
 from facetcam.rig import Rig
@@ -126,3 +126,25 @@ def test_ransac_finds_nothing_in_too_few_points() -> None:
     T, inliers = generalized_pose(points[seen.point[:3]], seen.view[:3], seen.plane[:3], optics, 6.0)
     assert T is None
     assert inliers.tolist() == [False] * 3
+
+
+def test_the_native_refinement_finds_the_least_robust_cost(optics: Optics) -> None:
+    """No small move of the pose lowers the Cauchy cost of noisy sightings with wrong ones among them."""
+    rng = np.random.default_rng(31)
+    T = winding_path(3)[2]
+    points = in_sight(optics, T[None], rng, 400)
+    sight = look(optics, T, points)
+    plane = sight.plane + rng.normal(0.0, 0.4, sight.plane.shape)
+    plane[::7] += 15.0
+    xyz, sigma = points[sight.point], 0.5
+
+    def cost(pose: Array) -> float:
+        seen, _ = optics.to_plane(se3.transform(se3.inverse(pose), xyz), sight.view)
+        return float(np.sum(np.log1p(np.sum((seen - plane) ** 2, axis=1) / sigma**2)))
+
+    start = T @ se3.exp([0.01, -0.02, 0.01, 0.05, 0.03, -0.04])
+    found = refine_pose(start, xyz, sight.view, plane, optics, sigma).T_world_rig
+    assert cost(found) < cost(start)
+    for axis in np.eye(6):
+        for step in (1e-4, -1e-4):
+            assert cost(found @ se3.exp(step * axis)) > cost(found)

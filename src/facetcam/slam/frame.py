@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -93,6 +94,7 @@ class CornerFinder:
 
     def __init__(self, optics: Optics, max_features: int) -> None:
         self._optics = optics
+        self._one_at_a_time = threading.Lock()  # two threads may ask for the same frame
         # Cells of about nine corners: every part of every view has some, and no blank wall has many.
         cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
         self._detector = SIICF.create(
@@ -101,6 +103,10 @@ class CornerFinder:
 
     def __call__(self, frame: Frame) -> Corners:
         """Corners of the frame, found once and kept with it."""
+        with self._one_at_a_time:
+            return self._find(frame)
+
+    def _find(self, frame: Frame) -> Corners:
         if frame.corners is None:
             keypoints = self._detector.detect(frame.grey, self._optics.mask)
             views = self._optics.view_of(keypoints.xy.astype(np.float64))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,10 +90,16 @@ def predict(points: Points, ids: Index, T_world_rig: Array, optics: Optics) -> P
 
 def _warps(reference: Array, current: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Affine maps from the frame to the patches, and whether they are mild enough to look alike."""
-    determinant = np.linalg.det(current)
+    a, b, c, d = current[:, 0, 0], current[:, 0, 1], current[:, 1, 0], current[:, 1, 1]
+    determinant = a * d - b * c
     safe = np.abs(determinant) > 1e-9
-    warp = reference @ np.linalg.inv(np.where(safe[:, None, None], current, np.eye(2)))
-    largest, smallest = np.linalg.svd(warp, compute_uv=False).T if len(warp) else (np.empty(0), np.empty(0))
+    adjoint = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+    warp = reference @ (adjoint / np.where(safe, determinant, 1.0)[:, None, None])
+    # Singular values from their squares' sum and their product.
+    half = 0.5 * np.sum(warp**2, axis=(1, 2))
+    product = warp[:, 0, 0] * warp[:, 1, 1] - warp[:, 0, 1] * warp[:, 1, 0]
+    largest = np.sqrt(half + np.sqrt(np.maximum(half**2 - product**2, 0.0)))
+    smallest = np.abs(product) / np.maximum(largest, 1e-12)
     mild = (largest < _MAX_ZOOM) & (smallest > 1.0 / _MAX_ZOOM) & (largest < _MAX_SHEAR * smallest)
     return warp, safe & mild
 
@@ -127,6 +134,7 @@ def measure(
         np.ascontiguousarray(predictions.pixels, dtype=np.float32),
         config.max_shift,
         _ITERATIONS,
+        cv2.getNumThreads(),
     )
     pixels = aligned[:, :2].astype(np.float64)
     found = (aligned[:, 2] > config.min_correlation) & (_IMAGE_NOISE * aligned[:, 3] < _MAX_SPREAD)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam import _core
 from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
 
@@ -83,17 +84,16 @@ def refine_pose(
 
     The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements.
     """
-    T = T_world_rig
-    for step in range(_STEPS):
-        width = sigma * max(1.0, 8.0 * 0.5**step)
-        residual, J = linearise(T, points, views, plane, optics)
-        weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / width**2)
-        H = np.einsum("n,nij,nik->jk", weight, J, J) + 1e-9 * np.eye(6)
-        delta = -np.linalg.solve(H, np.einsum("n,nij,ni->j", weight, J, residual))
-        T = T @ se3.exp(np.clip(delta, -0.3, 0.3))
-        if step > 3 and np.abs(delta).max() < 1e-6:
-            break
-    T = se3.orthonormalized(T)
+    (T,) = _core.refine_pose(
+        focal=optics.focal,
+        T_view_rig=np.ascontiguousarray(optics.T_view_rig),
+        T_world_rig=np.ascontiguousarray(T_world_rig)[None],
+        points=np.ascontiguousarray(points),
+        view=views.astype(np.int64),
+        plane=np.ascontiguousarray(plane),
+        sigma=sigma,
+        max_steps=_STEPS,
+    )
     residual, J = linearise(T, points, views, plane, optics)
     size = np.linalg.norm(residual, axis=1)
     weight = 1.0 / (1.0 + (size / sigma) ** 2)

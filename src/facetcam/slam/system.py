@@ -85,6 +85,7 @@ class Slam:
         self.dropped = 0
         self._calls = threading.Lock()
         self._mapping = Background(self.config.real_time)
+        self._checking = Background(self.config.real_time)
         self._pace = Pace()
         self._trajectory = Trajectory()
         self._last_timestamp = -np.inf
@@ -125,11 +126,15 @@ class Slam:
             if self.config.real_time and self._pace.behind(timestamp):
                 self.dropped += 1
                 return State(timestamp, Status.DROPPED, metric=self.metric, scale_sigma=self.scale_sigma)
-            with self._timed("check"):
-                self.rig_check.offer(frame)
+            if not self._checking.busy:
+                self._checking.run(lambda: self._check_rig(frame))
             state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
             self._odometry = wheels
             return state
+
+    def _check_rig(self, frame: Frame) -> None:
+        with self._timed("check"):
+            self.rig_check.offer(frame)
 
     def _require_later(self, timestamp: float) -> None:
         if not timestamp > self._last_timestamp:
@@ -253,11 +258,13 @@ class Slam:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""
         with self._calls, self._timed("finish"):
             self._mapping.wait()
+            self._checking.wait()
             self._adjust_all(last=True)
 
     def close(self) -> None:
         """Wait until nothing grows the map any more: for runs that end early. The map stays."""
         self._mapping.join()
+        self._checking.join()
 
     @property
     def metric(self) -> bool:

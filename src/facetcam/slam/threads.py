@@ -76,7 +76,7 @@ class Background:
         if not self._threaded:
             job()
             return
-        self._thread = threading.Thread(target=self._attempt, args=(job,), name="facetcam-mapping")
+        self._thread = threading.Thread(target=self._attempt, args=(job,), name="facetcam-background")
         self._thread.start()
 
     def check(self) -> None:
