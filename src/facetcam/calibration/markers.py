@@ -70,6 +70,15 @@ def find_groups(image: NDArray[np.uint8], boards: BoardSet) -> list[Group]:
     return kept
 
 
+def fitting_pairs(found: Markers, board: Board) -> int:
+    """How many pairs of neighbouring markers stand to each other as the board's plan says."""
+    mine = (found.ids >= board.ids.start) & (found.ids < board.ids.stop)
+    plan = board.marker_corners[found.ids[mine] - board.ids.start, :, :2]
+    quads = found.quads[mine]
+    flat = np.roll(plan, _turns(board, plan, quads), axis=1)
+    return int(np.count_nonzero(_agreements(flat, quads, board))) // 2
+
+
 def read_markers(image: NDArray[np.uint8], board: Board, mirrored: bool) -> Markers:
     """Markers of a board's dictionary, in the photo or in its mirror image."""
     height, width = image.shape

@@ -1,0 +1,255 @@
+"""Photos of boards: read and looked at on all cores, and remembered, so that a second run takes no time."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+from threading import Lock
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.detection import detect, refine, to_grey
+from facetcam.calibration.sharpness import blur_of
+from facetcam.calibration.sightings import Sighting
+from facetcam.errors import FacetcamError, SourceError
+from facetcam.io.image_folder import SUFFIXES, natural_key, read_image
+from facetcam.io.outputs import atomic_write
+from facetcam.pipelines.progress import Progress, silent
+
+Array = NDArray[np.float64]
+Image = NDArray[np.uint8]
+
+METHOD = 1  # of detection: another one makes what is remembered useless
+KEPT_IMAGES = 4  # of the second look
+
+
+@dataclass(frozen=True, eq=False)
+class Photo:
+    """One photo and the boards seen in it.
+
+    Attributes
+    ----------
+    path : Path
+    size : (int, int)
+        Width and height in pixels.
+    digest : str
+        SHA-256 of the file.
+    camera : str
+        Maker, model and focal length that the file names; empty where it names none.
+    blur : float
+        Width (sigma, pixels) of the edges at the corners found; NaN where there is none.
+    sightings : tuple of Sighting
+    """
+
+    path: Path
+    size: tuple[int, int]
+    digest: str
+    camera: str
+    blur: float
+    sightings: tuple[Sighting, ...]
+
+    @property
+    def corners(self) -> int:
+        """Corners found, over all sightings."""
+        return sum(map(len, self.sightings))
+
+
+def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
+    """The photos of a folder in natural order, or those listed.
+
+    Raises
+    ------
+    SourceError
+        If there is none, or one is missing.
+    """
+    if isinstance(images, (str, Path)):
+        folder = Path(images)
+        if not folder.exists():
+            raise SourceError(f"{folder}: no such folder of photos")
+        if folder.is_file():
+            return [folder]
+        found = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
+        paths = sorted(found, key=natural_key)
+        if not paths:
+            raise SourceError(f"{folder}: no photos in this folder (known are {' '.join(sorted(SUFFIXES))})")
+        return paths
+    paths = [Path(image) for image in images]
+    missing = [path for path in paths if not path.is_file()]
+    if missing or not paths:
+        raise SourceError(f"{missing[0]}: no such photo" if missing else "photos: none given")
+    return paths
+
+
+def default_cache() -> Path:
+    """Where sightings are remembered: the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "facetcam" / "sightings"
+
+
+def look_at_photos(
+    paths: Sequence[Path], boards: BoardSet, cache: Path | None = None, progress: Progress = silent
+) -> tuple[list[Photo], list[str]]:
+    """Find the boards in all photos, several at a time; few images are in memory at once.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    boards : BoardSet
+    cache : Path, optional
+        Folder in which what was found is kept photo by photo; a run cut short takes it up again.
+    progress : callable
+        Called with photos done and photos in all.
+
+    Returns
+    -------
+    photos : list of Photo
+        Their sightings' `photo` is the place in this list.
+    unreadable : list of str
+        One line for each photo that could not be read.
+
+    Raises
+    ------
+    SourceError
+        If none can be read.
+    """
+    photos: list[Photo] = []
+    unreadable: list[str] = []
+    for done, outcome in enumerate(_looked(paths, boards, cache), start=1):
+        if isinstance(outcome, Photo):
+            own = tuple(replace(s, photo=len(photos)) for s in outcome.sightings)
+            photos.append(replace(outcome, sightings=own))
+        else:
+            unreadable.append(outcome)
+        progress(done, len(paths))
+    if not photos:
+        raise SourceError(f"photos: none of {len(paths)} can be read ({unreadable[0]})")
+    return photos, unreadable
+
+
+def _looked(paths: Sequence[Path], boards: BoardSet, cache: Path | None) -> Iterator[Photo | str]:
+    """Outcomes in the order of the photos, a few ahead of who asks."""
+    workers = os.cpu_count() or 1
+    rest = iter(paths)
+    with ThreadPoolExecutor(workers) as pool:
+        waiting: list[Future[Photo | str]] = []
+        try:
+            while True:
+                ahead = islice(rest, 2 * workers - len(waiting))
+                waiting += [pool.submit(_look_at, path, boards, cache) for path in ahead]
+                if not waiting:
+                    return
+                yield waiting.pop(0).result()
+        finally:
+            for future in waiting:
+                future.cancel()
+
+
+def _look_at(path: Path, boards: BoardSet, cache: Path | None) -> Photo | str:
+    try:
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
+        remembered = cache / f"{_key(digest, boards)}.npz" if cache is not None else None
+        known = _recall(remembered, path, digest)
+        if known is not None:
+            return known
+        image = read_image(path)
+    except OSError as error:
+        return f"{path}: {error.strerror}"
+    except FacetcamError as error:
+        return str(error)
+    sightings = tuple(detect(image, boards))
+    corners = np.concatenate([s.pixels for s in sightings]) if sightings else np.empty((0, 2))
+    size = image.shape[1], image.shape[0]
+    photo = Photo(path, size, digest, camera_of(path), blur_of(to_grey(image), corners), sightings)
+    _remember(remembered, photo)
+    return photo
+
+
+def _key(digest: str, boards: BoardSet) -> str:
+    return hashlib.sha256(f"{METHOD} {digest} {boards.digest}".encode()).hexdigest()[:40]
+
+
+def _remember(file: Path | None, photo: Photo) -> None:
+    """Keep what was found; where it cannot be kept, nothing is lost but time."""
+    if file is None:
+        return
+    arrays: dict[str, NDArray[np.generic]] = {
+        "size": np.array(photo.size),
+        "camera": np.array(photo.camera),
+        "blur": np.array(photo.blur),
+        "boards": np.array([s.board for s in photo.sightings], dtype=np.int64),
+        # 1 mirrored, 0 not, -1 unknown
+        "mirrored": np.array([-1 if s.mirrored is None else int(s.mirrored) for s in photo.sightings]),
+    }
+    for index, sighting in enumerate(photo.sightings):
+        arrays[f"corners{index}"] = sighting.corners
+        arrays[f"pixels{index}"] = sighting.pixels
+    content = io.BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
+    with suppress(FacetcamError, OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        atomic_write(file, content.getvalue())
+
+
+def _recall(file: Path | None, path: Path, digest: str) -> Photo | None:
+    if file is None or not file.is_file():
+        return None
+    try:
+        with np.load(file, allow_pickle=False) as kept:
+            sightings = tuple(
+                Sighting(0, int(board), kept[f"corners{k}"], kept[f"pixels{k}"], None if m < 0 else bool(m))
+                for k, (board, m) in enumerate(zip(kept["boards"], kept["mirrored"]))
+            )
+            width, height = (int(n) for n in kept["size"])
+            return Photo(path, (width, height), digest, str(kept["camera"]), float(kept["blur"]), sightings)
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+        return None  # cut off or of another kind: looked at again
+
+
+def camera_of(path: Path) -> str:
+    """Maker, model and focal length in the file's EXIF; empty where there are none."""
+    from PIL import Image as Pictures
+
+    try:
+        with Pictures.open(path) as picture:
+            exif = picture.getexif()
+        named = [str(exif.get(tag, "")).strip("\x00 ") for tag in (0x010F, 0x0110)]
+        focal = exif.get_ifd(0x8769).get(0x920A)
+    except Exception:  # a broken tag tells nothing
+        return ""
+    words = " ".join(word for word in named if word)
+    return f"{words} {float(focal):g} mm".strip() if focal else words
+
+
+class SecondLook:
+    """Looks for corners of photos where they are predicted; reads a photo again when it is asked for."""
+
+    def __init__(self, photos: Sequence[Photo]) -> None:
+        self._photos = photos
+        self._images: OrderedDict[int, Image] = OrderedDict()
+        self._lock = Lock()
+
+    def __call__(self, photo: int, predicted: Array, square_px: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Pixels (N, 2) of corners near `predicted`, and whether (N,) one is there."""
+        return refine(self.image(photo), predicted, square_px)
+
+    def image(self, photo: int) -> Image:
+        """The grey image of a photo."""
+        with self._lock:
+            if photo in self._images:
+                self._images.move_to_end(photo)
+            else:
+                self._images[photo] = to_grey(read_image(self._photos[photo].path))
+                while len(self._images) > KEPT_IMAGES:
+                    self._images.popitem(last=False)
+            return self._images[photo]

@@ -1,0 +1,174 @@
+"""Figures of a calibration: residuals and coverage on the sensor, uncertainty maps, residuals by photo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.viz.figures import BAR_COLOUR, ERROR_COLOUR, INK, LINE, MUTED, TRUTH_COLOUR, to_svg
+from facetcam.viz.palette import view_colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from facetcam.calibration.result import Calibration, FittedSighting, UncertaintyMap
+
+Array = NDArray[np.float64]
+
+_COLUMNS = 4  # panels a row
+_MARGIN = 0.06  # of a panel's size round what it shows
+_MOST_ARROWS = 1200  # a view
+
+
+def residual_fields(calibration: Calibration) -> str:
+    """Residual vectors of every view where they are on the sensor, long enough to see."""
+    views = [name for name in calibration.rig.view_names if _of_view(calibration, name)]
+    kept = [f.residuals[f.kept] for f in calibration.sightings]
+    lengths = np.linalg.norm(np.concatenate([*kept, np.empty((0, 2))]), axis=1)
+    typical = float(np.sqrt(np.mean(lengths**2))) if len(lengths) else 1.0
+    figure, panels = panels_of(views)
+    for name, axes in panels.items():
+        fitted = _of_view(calibration, name)
+        at = np.concatenate([f.sighting.pixels[f.kept] for f in fitted])
+        off = np.concatenate([f.residuals[f.kept] for f in fitted])
+        out = np.concatenate([f.sighting.pixels[~f.kept] for f in fitted])
+        span = frame_of(axes, np.concatenate([at, out]))
+        longer = 0.035 * span / max(typical, 1e-9)
+        some = slice(None, None, max(1, len(at) // _MOST_ARROWS))
+        colour = view_colour(calibration.rig.view_names.index(name))
+        axes.quiver(
+            *at[some].T, *(longer * off[some]).T, color=colour, angles="xy", scale_units="xy", scale=1.0,
+            width=0.004, headwidth=3.5, headlength=4.0,
+        )  # fmt: skip
+        axes.plot(*out.T, "x", ms=4.5, mew=1.1, color=ERROR_COLOUR)
+        rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) if len(off) else float("nan")
+        titled(axes, name, f"{rms:.3f} px, arrows × {longer:.0f}")
+    return to_svg(figure)
+
+
+def coverage(calibration: Calibration) -> str:
+    """Where on the sensor corners were seen, view by view, and how they spread over its area."""
+    views = list(calibration.rig.view_names)
+    figure, panels = panels_of(views)
+    width, height = calibration.rig.size
+    step = max(width, height) / 160
+    u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
+    grid = np.stack([u.ravel(), v.ravel()], axis=1)
+    for index, (name, axes) in enumerate(panels.items()):
+        inside = calibration.rig.sees(name, grid)
+        fitted = _of_view(calibration, name)
+        at = np.concatenate([*(f.sighting.pixels[f.kept] for f in fitted), np.empty((0, 2))])
+        frame_of(axes, np.concatenate([grid[inside], at]))
+        area = inside.reshape(u.shape).astype(float)
+        if inside.any() and not inside.all():
+            axes.contour(u, v, area, levels=[0.5], colors=[MUTED], linewidths=0.8)
+        axes.plot(*at.T, ".", ms=2.4, color=view_colour(index), alpha=0.75, rasterized=len(at) > 3000)
+        covered = covered_share(grid[inside], at, 0.12 * math.sqrt(max(inside.sum(), 1)) * step)
+        titled(axes, name, f"{len(at)} corners, {100 * covered:.0f} % of the area")
+    return to_svg(figure)
+
+
+def covered_share(area: Array, corners: Array, reach: float) -> float:
+    """Share of an area's pixels (N, 2) that have a corner within `reach`."""
+    if not len(area) or not len(corners):
+        return 0.0
+    from scipy.spatial import cKDTree
+
+    distance = cKDTree(corners).query(area, distance_upper_bound=reach)[0]
+    return float(np.isfinite(distance).mean())
+
+
+def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> str:
+    """Sigma of where a point is seen, over each view, one scale of colours for all."""
+    import matplotlib as mpl
+    from matplotlib.colors import LogNorm
+
+    figure, panels = panels_of([m.view for m in maps])
+    known = np.concatenate([m.sigma_px[np.isfinite(m.sigma_px) & (m.sigma_px > 0)] for m in maps])
+    low, high = np.percentile(known, [1, 99]) if len(known) else (0.01, 1.0)
+    norm = LogNorm(max(float(low), 1e-6), max(float(high), 1.2 * float(low), 2e-6))
+    drawn = None
+    for entry in maps:
+        axes = panels[entry.view]
+        inside = np.isfinite(entry.sigma_px)
+        if not inside.any():
+            titled(axes, entry.view, "not determined")
+            continue
+        frame_of(axes, np.stack([entry.u[inside], entry.v[inside]], axis=1))
+        drawn = axes.pcolormesh(
+            entry.u, entry.v, np.ma.masked_invalid(entry.sigma_px), norm=norm,
+            cmap=mpl.colormaps["viridis"], shading="nearest", rasterized=True,
+        )  # fmt: skip
+        titled(
+            axes,
+            entry.view,
+            f"median {np.nanmedian(entry.sigma_px):.3f} px, {np.nanmedian(entry.sigma_mm):.2f} mm",
+        )
+    if drawn is not None:
+        bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
+        bar.outline.set_visible(False)
+        bar.ax.tick_params(colors=MUTED, length=0, which="both", labelsize=8)
+        bar.set_label("sigma (px)", color=MUTED)
+    return to_svg(figure)
+
+
+def residuals_by_photo(rms: Sequence[float], held_out: Mapping[int, float]) -> str:
+    """Residual of each photo in the solve and, where it was left out, when it is predicted."""
+    from facetcam.viz.figures import legend_above, new_figure
+
+    figure, axes = new_figure(11.6, 2.7)
+    at = np.arange(len(rms))
+    axes.bar(at, np.nan_to_num(rms), width=0.62, color=BAR_COLOUR, alpha=0.85, label="in the solve")
+    if held_out:
+        axes.plot(list(held_out), list(held_out.values()), "o", ms=4, color=TRUTH_COLOUR, label="held out")
+    axes.grid(axis="x", visible=False)
+    axes.set_xlim(-0.8, len(rms) - 0.2)
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("photo")
+    axes.set_ylabel("RMS (px)")
+    legend_above(axes, 2)
+    return to_svg(figure)
+
+
+def panels_of(names: Sequence[str]) -> tuple[Figure, dict[str, Axes]]:
+    """One panel a name, y downward as on the sensor, without ticks."""
+    from matplotlib.figure import Figure
+
+    columns = min(max(len(names), 1), _COLUMNS)
+    rows = max(1, math.ceil(len(names) / columns))
+    size = (11.6, rows * 11.6 / columns * (0.86 if columns > 2 else 0.72) + 0.2)
+    figure = Figure(figsize=size, layout="constrained", facecolor="none")
+    panels = {}
+    for index, name in enumerate(names):
+        axes = figure.add_subplot(rows, columns, index + 1, facecolor="none")
+        axes.set_aspect("equal")
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[:].set_color(LINE)
+        panels[name] = axes
+    return figure, panels
+
+
+def frame_of(axes: Axes, points: Array) -> float:
+    """Let the panel show all points (N, 2); its larger side in pixels."""
+    if not len(points):
+        return 1.0
+    low, high = points.min(axis=0), points.max(axis=0)
+    span = float(max((high - low).max(), 1.0))
+    axes.set_xlim(low[0] - _MARGIN * span, high[0] + _MARGIN * span)
+    axes.set_ylim(high[1] + _MARGIN * span, low[1] - _MARGIN * span)
+    return span
+
+
+def titled(axes: Axes, name: str, words: str) -> None:
+    axes.set_title(name, color=INK, fontsize=10.5, loc="left", pad=4)
+    axes.set_xlabel(words, color=MUTED, fontsize=8.5, loc="left")
+
+
+def _of_view(calibration: Calibration, name: str) -> list[FittedSighting]:
+    return [f for f in calibration.sightings if f.sighting.view == name]

@@ -1,0 +1,92 @@
+"""What a calibration amounts to, in words and headline numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from facetcam.calibration.result import Calibration, MirrorDeviation, Validation
+from facetcam.viz.wording import BAD, FAIR, GOOD, plural
+
+NOISE_RATIO = 1.6  # held-out error in noises above which the model misses something
+
+
+def verdict(calibration: Calibration, validation: Validation | None) -> str:
+    """Whether the rig can be trusted, and by how much, in one sentence."""
+    photos = len({f.sighting.photo for f in calibration.sightings})
+    corners = sum(int(np.count_nonzero(f.kept)) for f in calibration.sightings)
+    base = f"{plural(photos, 'photo')} with {corners} corners fit to {calibration.rms():.3f} px (RMS)"
+    parts = [base]
+    if validation is not None and math.isfinite(validation.held_out_rms):
+        parts.append(f"photos left out are predicted to {validation.held_out_rms:.3f} px")
+    if validation is not None and math.isfinite(validation.split_half_rms):
+        parts.append(f"two halves of the set agree to {validation.split_half_rms:.3f} px")
+    doubts = doubts_of(calibration, validation)
+    if doubts:
+        return f"{'; '.join(parts)}; but {', and '.join(doubts)}."
+    return f"Good to use: {'; '.join(parts)}."
+
+
+def doubts_of(calibration: Calibration, validation: Validation | None) -> list[str]:
+    """Reasons not to trust the rig as a whole."""
+    doubts = []
+    open_ = [u for u in calibration.unobservable if not u.harmless]
+    if open_:
+        doubts.append(f"{plural(len(open_), 'thing')} that matter could not be determined")
+    if any(f.kind == "moved board" for f in calibration.findings):
+        doubts.append("a board moved")
+    if validation is not None and validation.flatness is not None and not validation.flatness.flat:
+        doubts.append(f"the mirrors do not look flat in '{validation.flatness.worst_view}'")
+    expected = NOISE_RATIO * math.sqrt(2.0) * calibration.noise
+    if validation is not None and validation.held_out_rms > expected:
+        doubts.append("photos left out are predicted worse than noise explains")
+    return doubts
+
+
+def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple[str, str, str]]:
+    """Headline numbers: label, value, grade."""
+    rejected = sum(int(np.count_nonzero(~f.kept)) for f in calibration.sightings)
+    total = sum(len(f.sighting) for f in calibration.sightings)
+    found = [("residual, RMS", f"{calibration.rms():.3f} px", "")]
+    if validation is not None:
+        grade = GOOD if validation.held_out_rms <= NOISE_RATIO * math.sqrt(2.0) * calibration.noise else FAIR
+        found += _known("held-out photos, RMS", validation.held_out_rms, " px", grade)
+        found += _known("from view to view, RMS", validation.cross_view_rms, " px", "")
+        found += _known("between two halves, RMS", validation.split_half_rms, " px", "")
+        if validation.flatness is not None:
+            flat = validation.flatness.flat
+            found.append(("mirrors", "flat" if flat else "not flat", GOOD if flat else BAD))
+    found.append(("corners rejected", f"{100 * rejected / max(total, 1):.1f} %", ""))
+    unknown = sum(not u.harmless for u in calibration.unobservable)
+    found.append(("not determined", str(unknown), BAD if unknown else GOOD))
+    return found
+
+
+def _known(label: str, value: float, unit: str, grade: str) -> list[tuple[str, str, str]]:
+    return [(label, f"{value:.3f}{unit}", grade)] if math.isfinite(value) else []
+
+
+def number(value: float, digits: int) -> str:
+    """A number, or a dash where there is none."""
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def deviation_row(d: MirrorDeviation) -> list[str]:
+    """A mirror's name, tilt and shift; nothing measured where the photos do not tell."""
+    if not (math.isfinite(d.tilt_sigma_deg) or math.isfinite(d.shift_sigma_mm)):
+        return [d.mirror, "as drawn: not determined", "as drawn: not determined"]
+    tilt = f"{d.tilt_deg:.3f}° ± {number(d.tilt_sigma_deg, 3)}"
+    return [d.mirror, tilt, f"{d.shift_mm:+.2f} mm ± {number(d.shift_sigma_mm, 2)}"]
+
+
+def camera_rows(calibration: Calibration) -> list[list[str]]:
+    """Name, value and sigma of the parameters of the lens."""
+    p = calibration.parameters
+    rows = []
+    for name, unit, value, sigma in zip(p.names, p.units, p.value, p.sigma, strict=True):
+        if unit in ("px", ""):
+            digits = 3 if unit == "px" else 5
+            shown = number(float(sigma), digits) if math.isfinite(sigma) else "not determined"
+            rows.append([name, f"{value:.{digits}f}{' px' if unit else ''}", shown])
+    return rows
