@@ -8,19 +8,21 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from facetcam.errors import FacetcamError
     from facetcam.features import SIICF
+    from facetcam.pipelines.calibrate import calibrate
     from facetcam.rig import Rig
     from facetcam.slam import Slam
     from facetcam.unwrapping import unwrap
 
 __version__ = "0.1.0"
 
-__all__ = ["SIICF", "FacetcamError", "Rig", "Slam", "unwrap"]
+__all__ = ["SIICF", "FacetcamError", "Rig", "Slam", "calibrate", "unwrap"]
 
 _HOMES = {
     "FacetcamError": "errors",
     "Rig": "rig",
     "SIICF": "features",
     "Slam": "slam",
+    "calibrate": "pipelines.calibrate",
     "unwrap": "unwrapping",
 }
 

@@ -9,6 +9,7 @@ import typer
 
 from facetcam import __version__
 from facetcam.cli.boards import boards
+from facetcam.cli.calibrate import calibrate
 from facetcam.cli.demo import demo
 from facetcam.cli.detect import detect
 from facetcam.cli.evaluate_detectors import detectors
@@ -44,7 +45,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (demo, slam, unwrap, boards, detect):
+for command in (demo, slam, unwrap, boards, calibrate, detect):
     app.command()(in_one_line(command))
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _COLUMNS = 4  # panels a row
+_WIDTH, _HEIGHT = 11.6, 4.6  # inches of a row of panels, at most
 _MARGIN = 0.06  # of a panel's size round what it shows
 _MOST_ARROWS = 1200  # a view
 
@@ -31,45 +32,49 @@ def residual_fields(calibration: Calibration) -> str:
     kept = [f.residuals[f.kept] for f in calibration.sightings]
     lengths = np.linalg.norm(np.concatenate([*kept, np.empty((0, 2))]), axis=1)
     typical = float(np.sqrt(np.mean(lengths**2))) if len(lengths) else 1.0
-    figure, panels = panels_of(views)
+    shown = {name: np.concatenate([f.sighting.pixels for f in _of_view(calibration, name)]) for name in views}
+    figure, panels = panels_of(shown)
     for name, axes in panels.items():
         fitted = _of_view(calibration, name)
         at = np.concatenate([f.sighting.pixels[f.kept] for f in fitted])
         off = np.concatenate([f.residuals[f.kept] for f in fitted])
         out = np.concatenate([f.sighting.pixels[~f.kept] for f in fitted])
-        span = frame_of(axes, np.concatenate([at, out]))
-        longer = 0.035 * span / max(typical, 1e-9)
+        longer = 0.022 * float(np.ptp(shown[name], axis=0).max()) / max(typical, 1e-9)
         some = slice(None, None, max(1, len(at) // _MOST_ARROWS))
         colour = view_colour(calibration.rig.view_names.index(name))
         axes.quiver(
             *at[some].T, *(longer * off[some]).T, color=colour, angles="xy", scale_units="xy", scale=1.0,
-            width=0.004, headwidth=3.5, headlength=4.0,
+            units="inches", width=0.011, headwidth=3.5, headlength=4.0,
         )  # fmt: skip
         axes.plot(*out.T, "x", ms=4.5, mew=1.1, color=ERROR_COLOUR)
         rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) if len(off) else float("nan")
-        titled(axes, name, f"{rms:.3f} px, arrows × {longer:.0f}")
+        titled(axes, name, f"{rms:.3f} px RMS\narrows × {longer:.0f}")
     return to_svg(figure)
 
 
 def coverage(calibration: Calibration) -> str:
     """Where on the sensor corners were seen, view by view, and how they spread over its area."""
     views = list(calibration.rig.view_names)
-    figure, panels = panels_of(views)
     width, height = calibration.rig.size
     step = max(width, height) / 160
     u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
     grid = np.stack([u.ravel(), v.ravel()], axis=1)
+    area_of = {name: calibration.rig.sees(name, grid) for name in views}
+    seen = {
+        name: np.concatenate(
+            [*(f.sighting.pixels[f.kept] for f in _of_view(calibration, name)), np.empty((0, 2))]
+        )
+        for name in views
+    }
+    figure, panels = panels_of({name: np.concatenate([grid[area_of[name]], seen[name]]) for name in views})
     for index, (name, axes) in enumerate(panels.items()):
-        inside = calibration.rig.sees(name, grid)
-        fitted = _of_view(calibration, name)
-        at = np.concatenate([*(f.sighting.pixels[f.kept] for f in fitted), np.empty((0, 2))])
-        frame_of(axes, np.concatenate([grid[inside], at]))
+        inside, at = area_of[name], seen[name]
         area = inside.reshape(u.shape).astype(float)
         if inside.any() and not inside.all():
             axes.contour(u, v, area, levels=[0.5], colors=[MUTED], linewidths=0.8)
         axes.plot(*at.T, ".", ms=2.4, color=view_colour(index), alpha=0.75, rasterized=len(at) > 3000)
         covered = covered_share(grid[inside], at, 0.12 * math.sqrt(max(inside.sum(), 1)) * step)
-        titled(axes, name, f"{len(at)} corners, {100 * covered:.0f} % of the area")
+        titled(axes, name, f"{len(at)} corners\n{100 * covered:.0f} % of the area")
     return to_svg(figure)
 
 
@@ -88,18 +93,19 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
     import matplotlib as mpl
     from matplotlib.colors import LogNorm
 
-    figure, panels = panels_of([m.view for m in maps])
+    known_of = {m.view: np.isfinite(m.sigma_px) for m in maps}
+    figure, panels = panels_of(
+        {m.view: np.stack([m.u[known_of[m.view]], m.v[known_of[m.view]]], axis=1) for m in maps}
+    )
     known = np.concatenate([m.sigma_px[np.isfinite(m.sigma_px) & (m.sigma_px > 0)] for m in maps])
     low, high = np.percentile(known, [1, 99]) if len(known) else (0.01, 1.0)
     norm = LogNorm(max(float(low), 1e-6), max(float(high), 1.2 * float(low), 2e-6))
     drawn = None
     for entry in maps:
         axes = panels[entry.view]
-        inside = np.isfinite(entry.sigma_px)
-        if not inside.any():
+        if not known_of[entry.view].any():
             titled(axes, entry.view, "not determined")
             continue
-        frame_of(axes, np.stack([entry.u[inside], entry.v[inside]], axis=1))
         drawn = axes.pcolormesh(
             entry.u, entry.v, np.ma.masked_invalid(entry.sigma_px), norm=norm,
             cmap=mpl.colormaps["viridis"], shading="nearest", rasterized=True,
@@ -107,7 +113,7 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
         titled(
             axes,
             entry.view,
-            f"median {np.nanmedian(entry.sigma_px):.3f} px, {np.nanmedian(entry.sigma_mm):.2f} mm",
+            f"median {np.nanmedian(entry.sigma_px):.3f} px\n{np.nanmedian(entry.sigma_mm):.2f} mm",
         )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
@@ -135,34 +141,47 @@ def residuals_by_photo(rms: Sequence[float], held_out: Mapping[int, float]) -> s
     return to_svg(figure)
 
 
-def panels_of(names: Sequence[str]) -> tuple[Figure, dict[str, Axes]]:
-    """One panel a name, y downward as on the sensor, without ticks."""
+def panels_of(shown: Mapping[str, Array]) -> tuple[Figure, dict[str, Axes]]:
+    """One panel a name, y downward as on the sensor, each as wide as the points (N, 2) it shows ask for."""
     from matplotlib.figure import Figure
 
-    columns = min(max(len(names), 1), _COLUMNS)
-    rows = max(1, math.ceil(len(names) / columns))
-    size = (11.6, rows * 11.6 / columns * (0.86 if columns > 2 else 0.72) + 0.2)
-    figure = Figure(figsize=size, layout="constrained", facecolor="none")
+    rows = [list(shown.items())[k : k + _COLUMNS] for k in range(0, len(shown), _COLUMNS)]
+    aspects = [[_aspect(points) for _, points in row] for row in rows]
+    heights = [min(_WIDTH / sum(row), _HEIGHT) + 0.45 for row in aspects]
+    figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained", facecolor="none")
     panels = {}
-    for index, name in enumerate(names):
-        axes = figure.add_subplot(rows, columns, index + 1, facecolor="none")
-        axes.set_aspect("equal")
-        axes.set_xticks([])
-        axes.set_yticks([])
-        axes.spines[:].set_color(LINE)
-        panels[name] = axes
+    grid = figure.add_gridspec(len(rows), 1, height_ratios=heights)
+    for number, (row, ratios, height) in enumerate(zip(rows, aspects, heights)):
+        # What narrow views leave of the row stays empty at its end.
+        rest = max(_WIDTH / (height - 0.45) - sum(ratios), 1e-3)
+        cells = grid[number].subgridspec(1, len(row) + 1, width_ratios=[*ratios, rest])
+        for column, (name, points) in enumerate(row):
+            axes = figure.add_subplot(cells[column], facecolor="none", aspect="equal", anchor="W")
+            axes.set_xticks([])
+            axes.set_yticks([])
+            axes.spines[:].set_color(LINE)
+            frame_of(axes, points)
+            panels[name] = axes
     return figure, panels
 
 
-def frame_of(axes: Axes, points: Array) -> float:
-    """Let the panel show all points (N, 2); its larger side in pixels."""
+def _aspect(points: Array) -> float:
+    """Width of a panel over its height, within reason, so that words find room below it."""
     if not len(points):
         return 1.0
+    wide, high = np.ptp(points, axis=0)
+    margin = _MARGIN * max(wide, high, 1.0)
+    return float(np.clip((wide + 2 * margin) / (high + 2 * margin), 0.75, 3.0))
+
+
+def frame_of(axes: Axes, points: Array) -> None:
+    """Let the panel show all points (N, 2)."""
+    if not len(points):
+        return
     low, high = points.min(axis=0), points.max(axis=0)
     span = float(max((high - low).max(), 1.0))
     axes.set_xlim(low[0] - _MARGIN * span, high[0] + _MARGIN * span)
     axes.set_ylim(high[1] + _MARGIN * span, low[1] - _MARGIN * span)
-    return span
 
 
 def titled(axes: Axes, name: str, words: str) -> None:

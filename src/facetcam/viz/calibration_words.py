@@ -25,6 +25,8 @@ def verdict(calibration: Calibration, validation: Validation | None) -> str:
     doubts = doubts_of(calibration, validation)
     if doubts:
         return f"{'; '.join(parts)}; but {', and '.join(doubts)}."
+    if validation is None:
+        return f"{parts[0]}; how well photos left out are predicted was not tried."
     return f"Good to use: {'; '.join(parts)}."
 
 

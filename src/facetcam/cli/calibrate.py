@@ -1,0 +1,60 @@
+"""`facetcam calibrate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from facetcam.cli.failures import warn
+from facetcam.cli.options import OutOption, output_folder
+from facetcam.cli.progress import progress_bar
+from facetcam.cli.tables import print_pairs
+
+if TYPE_CHECKING:
+    from facetcam.pipelines.calibrate import Calibrated
+
+
+def calibrate(
+    images: Annotated[Path, typer.Argument(metavar="IMAGES", help="Folder of photos of the boards.")],
+    boards: Annotated[Path, typer.Option(help="boards.yaml of what is seen, as `facetcam boards` makes it.")],
+    rig: Annotated[
+        Path | None, typer.Option(help="rig.yaml as drawn (default: find the views from the photos).")
+    ] = None,
+    camera: Annotated[
+        Path | None, typer.Option(help="Intrinsics to begin with: OpenCV YAML or Kalibr camchain.")
+    ] = None,
+    out: OutOption = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Folder for what was found in photos (default: the user's cache).")
+    ] = None,
+) -> None:
+    """Calibrate a rig from photos of boards: rig.yaml, its uncertainty, and a report."""
+    from facetcam.pipelines.calibrate import run_calibration
+
+    folder = output_folder(out, f"{images.resolve().name}-rig")
+    result = run_calibration(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=progress_bar)
+    for warning in result.warnings:
+        warn(warning)
+    for finding in result.calibration.findings:
+        warn(finding.text)
+    print_pairs("calibrate", rows_of(result))
+
+
+def rows_of(result: Calibrated) -> list[tuple[str, str]]:
+    """The run in a few lines."""
+    calibration, validation = result.calibration, result.validation
+    rows = [
+        ("photos, sightings", f"{len(result.photos)}, {len(calibration.sightings)}"),
+        ("residual", f"{calibration.rms():.3f} px RMS of the corners kept"),
+    ]
+    if validation is not None:
+        judged = [
+            ("held-out photos", validation.held_out_rms),
+            ("from view to view", validation.cross_view_rms),
+            ("between two halves", validation.split_half_rms),
+        ]
+        rows += [(label, f"{value:.3f} px RMS") for label, value in judged if value == value]
+    rows += [("not determined", unknown.what) for unknown in calibration.unobservable if not unknown.harmless]
+    return [*rows, ("rig", str(result.folder / "rig.yaml")), ("report", str(result.folder / "report.html"))]

@@ -1,0 +1,233 @@
+"""From photos of boards to a rig as built, with how good it is."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.calibration.boards import BoardSet, read_boards
+from facetcam.calibration.result import Calibration, Validation
+from facetcam.calibration.sightings import Sighting
+from facetcam.errors import FacetcamError
+from facetcam.io.intrinsics import read_intrinsics
+from facetcam.io.outputs import fresh_folder, require_absent
+from facetcam.pipelines.calibrate_results import write_calibration
+from facetcam.pipelines.demo import Stage, unwatched
+from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
+from facetcam.pipelines.photos import Photo, SecondLook, default_cache, look_at_photos, photo_paths
+from facetcam.pipelines.progress import keeping
+from facetcam.rig import Camera, Rig
+
+Images = Path | str | Sequence[Path | str]
+
+
+@dataclass(frozen=True, eq=False)
+class Calibrated:
+    """What `run_calibration` found.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    validation : Validation or None
+        None when it was not asked for, or with the reason in `warnings` when there are too few photos.
+    photos : tuple of Photo
+        Those that took part; their order gives the indices in the calibration.
+    folder : Path
+        rig.yaml, report.html, residuals.csv, summary.json, export/
+    warnings : tuple of str
+    """
+
+    calibration: Calibration
+    validation: Validation | None
+    photos: tuple[Photo, ...]
+    folder: Path
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Photos that were looked at and belong together, and what they are to be solved with."""
+
+    photos: tuple[Photo, ...]
+    boards: BoardSet
+    rig: Rig | None
+    camera: Camera | None
+    warnings: tuple[str, ...]
+
+    @property
+    def sightings(self) -> list[Sighting]:
+        """Of all photos."""
+        return [s for photo in self.photos for s in photo.sightings]
+
+
+def run_calibration(
+    images: Images,
+    boards: BoardSet | Path | str,
+    out: Path | str,
+    *,
+    rig: Rig | Path | str | None = None,
+    camera: Path | str | None = None,
+    cache: Path | str | None = None,
+    stage: Stage = unwatched,
+) -> Calibrated:
+    """Calibrate a rig from photos of boards and write rig.yaml, report.html, residuals, summary and exports.
+
+    Parameters
+    ----------
+    images : path or sequence of paths
+        A folder of photos, or the photos.
+    boards : BoardSet or path
+        The `boards.yaml`.
+    out : path
+        Folder to make.
+    rig : Rig or path, optional
+        As drawn. Without it the views, direct and through single mirrors, are found from the photos.
+    camera : path, optional
+        Intrinsics to begin with (OpenCV YAML or Kalibr camchain) in place of the drawing's.
+    cache : path, optional
+        Folder for what was found in the photos (default: the user's cache), so that a run cut short, or
+        another solve, begins where they were.
+    stage : callable
+        Opens a progress bar for each stage.
+
+    Raises
+    ------
+    FacetcamError
+        If the photos, the boards or the rig cannot be used, or nothing can be solved.
+    """
+    require_absent(out)
+    seen = look(images, boards, out, rig=rig, camera=camera, cache=cache, stage=stage)
+    second = SecondLook(seen.photos)
+    calibration = solved(seen, second, stage)
+    folder = fresh_folder(out)
+    validation: Validation | None = None
+    warnings = list(seen.warnings)
+
+    def write(reason: str = "") -> None:
+        told = [*warnings, f"the judging was cut short: {reason}"] if reason else warnings
+        write_calibration(calibration, validation, seen.photos, second, folder, told)
+
+    with keeping(folder, write), stage("writing"):
+        write()
+    return Calibrated(calibration, validation, seen.photos, folder, tuple(warnings))
+
+
+def look(
+    images: Images,
+    boards: BoardSet | Path | str,
+    out: Path | str,
+    *,
+    rig: Rig | Path | str | None = None,
+    camera: Path | str | None = None,
+    cache: Path | str | None = None,
+    stage: Stage = unwatched,
+) -> Seen:
+    """Read everything, find the boards in the photos, and leave out photos that do not belong.
+
+    Raises
+    ------
+    FacetcamError
+        As `run_calibration`; `out` is made only to save what was seen when no board was found.
+    """
+    chosen = boards if isinstance(boards, BoardSet) else read_boards(boards)
+    nominal = rig if isinstance(rig, Rig) or rig is None else Rig.load(rig)
+    paths = photo_paths(images)
+    lens = read_intrinsics(camera) if camera is not None else None
+    with stage("looking for boards") as progress:
+        photos, unreadable = look_at_photos(
+            paths, chosen, Path(cache) if cache is not None else default_cache(), progress
+        )
+    if lens is not None and nominal is not None:
+        nominal = with_lens(nominal, lens)
+    size = nominal.size if nominal is not None else (lens.width, lens.height) if lens is not None else None
+    kept, warnings = fit_together(photos, size, "the rig" if nominal is not None else str(camera))
+    require_boards(kept, chosen, out)
+    require_motion(kept)
+    return Seen(tuple(kept), chosen, nominal, lens, (*unreadable, *warnings))
+
+
+def with_lens(rig: Rig, lens: Camera) -> Rig:
+    """The rig with intrinsics measured elsewhere.
+
+    Raises
+    ------
+    FacetcamError
+        If they belong to another size of image.
+    """
+    if (lens.width, lens.height) != rig.size:
+        raise FacetcamError(
+            f"camera: the intrinsics are of {lens.width}x{lens.height} images, the rig has"
+            f" {rig.size[0]}x{rig.size[1]}; intrinsics belong to one size"
+        )
+    return Rig(lens, rig.T_rig_cam, rig.mirrors, rig.views)
+
+
+def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
+    """The joint solve, from the drawing, or from the photos alone."""
+    from facetcam.calibration.solve import solve
+
+    rig, sightings = begun(seen, stage)
+    with stage("solving") as progress:
+        return solve(rig, seen.boards, sightings, second, progress)
+
+
+def begun(seen: Seen, stage: Stage) -> tuple[Rig, list[Sighting]]:
+    """The drawing; without one, a rig found from the photos, and sightings that know their views."""
+    if seen.rig is not None:
+        return seen.rig, seen.sightings
+    raise FacetcamError("calibration: give the rig as drawn; views are not found from photos alone yet")
+
+
+def calibrate(
+    images: Images | Sequence[NDArray[np.generic]],
+    boards: BoardSet | Path | str,
+    rig: Rig | Path | str | None = None,
+) -> Calibration:
+    """Calibrate a rig in memory.
+
+    Parameters
+    ----------
+    images : path, sequence of paths, or sequence of (H, W) or (H, W, 3) arrays
+        Photos of the boards, as the camera gave them: grey or BGR, 8 or 16 bit.
+    boards : BoardSet or path
+    rig : Rig or path, optional
+        As drawn; without it the views are found from the photos.
+
+    Returns
+    -------
+    Calibration
+        `calibration.rig` is the rig as built.
+
+    Raises
+    ------
+    FacetcamError
+        If the photos, the boards or the rig cannot be used, or nothing can be solved.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        kept = images if isinstance(images, (str, Path)) else _on_disk(images, Path(scratch))
+        seen = look(kept, boards, Path(tempfile.gettempdir()) / Path(scratch).name / "seen", rig=rig)
+        return solved(seen, SecondLook(seen.photos), unwatched)
+
+
+def _on_disk(images: Sequence[Path | str] | Sequence[NDArray[np.generic]], folder: Path) -> list[Path | str]:
+    """Arrays as files that lose nothing: photos are read again where they are needed, never all at once."""
+    import cv2
+
+    paths: list[Path | str] = []
+    for index, image in enumerate(images):
+        if isinstance(image, (str, Path)):
+            paths.append(image)
+            continue
+        path = folder / f"{index:06d}.png"
+        if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3):
+            raise FacetcamError(
+                f"image {index}: expected (H, W) or (H, W, 3) of 8 or 16 bit, got {image.shape} {image.dtype}"
+            )
+        path.write_bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes())
+        paths.append(path)
+    return paths
