@@ -100,6 +100,16 @@ def test_frames_that_come_too_fast_are_dropped_and_counted(
     assert slam.dropped == 4
 
 
+def test_missing_frames_are_bridged_at_the_same_speed(shot: Shot) -> None:
+    """As after dropped frames: by sight alone, every second frame is missing from the middle on."""
+    slam, middle = Slam(shot.rig), 7
+    states = [
+        slam.track(shot.images[k], shot.drive.times[k])
+        for k in [*range(middle), *range(middle + 1, FRAMES, 2)]
+    ]
+    assert all(state.status is Status.TRACKING for state in states[middle:])
+
+
 def test_an_error_in_mapping_reaches_the_caller(shot: Shot, monkeypatch: pytest.MonkeyPatch) -> None:
     slam = real_time(shot)
     k = 0

@@ -43,12 +43,13 @@ class Waiting:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The first two keyframes, the frames solved besides, and the motion of the last frame step."""
+    """The first two keyframes, the frames solved besides, and the last motion with the seconds it took."""
 
     first: Keyframe
     last: Keyframe
     solved: list[tuple[float, Array]]
     T_step: Array
+    step: float
 
 
 class Starter:
@@ -114,9 +115,10 @@ class Starter:
             self._map.clear()
             return None
         solved += self._before(a)
-        T_step = se3.inverse(_interpolated(a, b, self._waiting[-2].frame.timestamp)) @ b.T_world_rig
+        before = self._waiting[-2].frame.timestamp
+        T_step = se3.inverse(_interpolated(a, b, before)) @ b.T_world_rig
         self._waiting, self._passed = [], []
-        return Start(a, b, solved, T_step)
+        return Start(a, b, solved, T_step, new.frame.timestamp - before)
 
     def _between(self, a: Keyframe, b: Keyframe) -> tuple[list[tuple[float, Array]], float]:
         """Poses of the frames between the first keyframes, and the share of these frames that fit."""

@@ -36,6 +36,7 @@ _GLOBAL_GROWTH = 1.5
 _YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
 _PROBATION = 5
+_MAX_STEPS = 3.0  # for which a motion is taken to go on
 
 
 class Slam:
@@ -89,7 +90,10 @@ class Slam:
         self._pace = Pace()
         self._trajectory = Trajectory()
         self._last_timestamp = -np.inf
-        self._T_step = np.eye(4)  # motion between the last two frames
+        self._T_step, self._step = (
+            np.eye(4),
+            0.0,
+        )  # motion between the last two frames, and the seconds it took
         self._odometry: Array | None = None
         self._lost_frames = 0
         self._probation = 0  # frames after a loss in which only a clear pose is believed
@@ -145,7 +149,7 @@ class Slam:
     def _follow(self, frame: Frame, odometry: Array | None) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
         with self._map.lock:
-            predicted = self._predict(odometry)
+            predicted = self._predict(frame.timestamp, odometry)
             with self._timed("track"):
                 fix = self._tracker.find(frame, predicted)
             found = fix is not None and (fix.clear or not self._probation)
@@ -157,17 +161,19 @@ class Slam:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
-    def _predict(self, odometry: Array | None) -> Array:
-        """Odometry where there is some, else the last motion once more."""
+    def _predict(self, timestamp: float, odometry: Array | None) -> Array:
+        """Odometry where there is some, else the last motion at the same speed."""
         if odometry is not None and self._odometry is not None:
             return self._trajectory.last() @ planar_motion(self._odometry, odometry, 0.0)[0]
-        return self._trajectory.last() @ self._T_step
+        steps = (timestamp - self._trajectory.last_timestamp) / self._step if self._step else 1.0
+        return self._trajectory.last() @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
 
     def _accept(self, fix: Fix, timestamp: float) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
         last = self._trajectory.last()
         self._T_step = np.eye(4) if self._lost_frames else se3.inverse(last) @ fix.T_world_rig
+        self._step = timestamp - self._trajectory.last_timestamp
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
         self._trajectory.add(timestamp, fix.T_world_rig, nearest)
         self._lost_frames = 0
@@ -224,7 +230,7 @@ class Slam:
         for timestamp, T in [*start.solved, (start.first.timestamp, start.first.T_world_rig)]:
             self._trajectory.add(timestamp, T, start.first)
         self._trajectory.add(frame.timestamp, start.last.T_world_rig, start.last)
-        self._T_step = start.T_step
+        self._T_step, self._step = start.T_step, start.step
         start.first.measured = start.last.measured = len(start.last.observations)
         return State(
             frame.timestamp,

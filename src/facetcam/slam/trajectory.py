@@ -44,6 +44,11 @@ class Trajectory:
                 self._frames[i] = _Hung(keyframe.timestamp, keyframe, np.eye(4), keyframe.scale)
                 return
 
+    @property
+    def last_timestamp(self) -> float:
+        """Time of the frame added last."""
+        return self._frames[-1].timestamp
+
     def last(self) -> Array:
         """Pose (4, 4) of the frame added last, as the map sees it now."""
         return self._frames[-1].T_world_rig()
