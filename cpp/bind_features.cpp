@@ -19,17 +19,17 @@ using Mask = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::device::cpu>;
 using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Points = nb::ndarray<const float, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Table = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Table = nb::ndarray<const std::int16_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 using KeypointRows = nb::ndarray<nb::numpy, float, nb::shape<-1, 6>>;
-using TableOut = nb::ndarray<nb::numpy, float, nb::ndim<1>>;
+using TableOut = nb::ndarray<nb::numpy, std::int16_t, nb::ndim<1>>;
 using IndicesOut = nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>>;
 
 ImageView view_of(const Image& image) {
     const auto item = static_cast<std::ptrdiff_t>(image.itemsize());
     const PixelType type = image.dtype() == nb::dtype<std::uint8_t>()    ? PixelType::u8
                            : image.dtype() == nb::dtype<std::uint16_t>() ? PixelType::u16
-                                                                         : PixelType::f32;
+                                                                         : PixelType::values;
     return {image.data(),
             type,
             static_cast<int>(image.shape(1)),
@@ -55,7 +55,7 @@ KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const T
                                   oriented,
                                   threads,
                                   isa < 0 ? best_isa() : static_cast<Isa>(isa)};
-    const std::vector<float> transfer(table.data(), table.data() + table.size());
+    const std::vector<std::int16_t> transfer(table.data(), table.data() + table.size());
     std::vector<Keypoint> found;
     {
         nb::gil_scoped_release release;
@@ -68,7 +68,7 @@ KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const T
 }
 
 TableOut transfer_table(const Image& image, const std::optional<Mask>& mask, double eta) {
-    std::vector<float> table;
+    std::vector<std::int16_t> table;
     {
         nb::gil_scoped_release release;
         const ImageView view = view_of(image);

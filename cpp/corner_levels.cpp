@@ -6,23 +6,35 @@
 namespace facetcam {
 namespace {
 
-constexpr int kMaxRadius = 8;  // of a Gaussian; the kernels know no larger one
+constexpr float kWindowGain = 2.0f;  // down the columns: sums of 16 bits are rounded once
+constexpr float kContrast = 0.05f;   // a gradient that is as strong whatever the compression
 
-// Cut at two sigma and normalised; the centre first.
-std::vector<float> gaussian_taps(float sigma) {
+// Gaussian cut at two sigma, whose sum is `total`; the centre first.
+std::vector<float> gaussian(float sigma, double total) {
     const int radius = std::clamp(static_cast<int>(std::lround(2.0f * sigma)), 1, kMaxRadius);
     std::vector<double> weights(radius + 1);
-    double total = 0.0;
+    double sum = 0.0;
     for (int i = 0; i <= radius; ++i) {
         weights[i] = std::exp(-0.5 * i * i / (static_cast<double>(sigma) * sigma));
-        total += (i ? 2.0 : 1.0) * weights[i];
+        sum += (i ? 2.0 : 1.0) * weights[i];
     }
     std::vector<float> taps;
-    for (double weight : weights) taps.push_back(static_cast<float>(weight / total));
+    for (double weight : weights) taps.push_back(static_cast<float>(total * weight / sum));
     return taps;
 }
 
-int radius_of(const std::vector<float>& taps) { return static_cast<int>(taps.size()) - 1; }
+// The same in steps of 2^-15. Odd taps make no halves to round, so a negative row has the negative result.
+std::vector<std::int16_t> fixed_point(const std::vector<float>& gaussian) {
+    std::vector<std::int16_t> taps;
+    for (float tap : gaussian)
+        taps.push_back(static_cast<std::int16_t>(static_cast<int>(32767.0f * tap) | 1));
+    return taps;
+}
+
+template <class Taps>
+int radius_of(const Taps& taps) {
+    return static_cast<int>(taps.size()) - 1;
+}
 
 // The two coarse indices round fine index i and the weight of the first. An even size has its coarse pixels
 // between two fine ones, an odd size on every second (see octaves.hpp).
@@ -49,12 +61,6 @@ float upsampled(const Map& coarse, const OctaveGrid& fine, int x, int y) {
            (1.0f - down.weight) * along(coarse.row(down.second));
 }
 
-ResponseRows::Ring::Ring(int height, int width)
-    : height_(height),
-      pad_(kMaxRadius),
-      stride_(width + 2 * kMaxRadius),
-      data_(static_cast<std::size_t>(height) * stride_) {}
-
 ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse,
                            const ResponseOptions& options, const RowKernels& kernels, int first, int kept)
     : octaves_(octaves),
@@ -64,16 +70,19 @@ ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse
       octave_(octave),
       width_(octaves.grid(octave).width),
       height_(octaves.grid(octave).height),
-      blur_(gaussian_taps(options.blur_sigma)),
-      window_(gaussian_taps(options.window_sigma)),
+      whole_(padded(width_)),
+      blur_(fixed_point(gaussian(options.blur_sigma, 1.0))),
+      window_(fixed_point(gaussian(options.window_sigma, kWindowGain))),
+      across_(fixed_point(gaussian(options.window_sigma, 1.0))),
       source_(2 * radius_of(blur_) + 1, width_),
       smooth_(3, width_),
       xx_(2 * radius_of(window_) + 1, width_),
       xy_(2 * radius_of(window_) + 1, width_),
       yy_(2 * radius_of(window_) + 1, width_),
-      response_(kept + 1, width_),
       windowed_(3, width_),
       column_(1, width_),
+      response_(kept + 1, width_),
+      blended_(1, width_),
       stretched_(1, width_) {
     next_response_ = std::max(0, first);
     next_product_ = std::max(0, next_response_ - radius_of(window_));
@@ -82,64 +91,63 @@ ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse
 }
 
 const float* ResponseRows::operator[](int y) {
-    for (; next_response_ <= y; ++next_response_) make_response(next_response_);
+    for (; next_response_ <= y; ++next_response_) make_response(next_response_, response_[next_response_]);
     return response_[y];
 }
 
-void ResponseRows::filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out) {
-    const float* rows[2 * kMaxRadius + 1];
-    const int radius = radius_of(taps);
-    for (int i = -radius; i <= radius; ++i) rows[i + radius] = ring[mirrored(y + i, height_)];
-    kernels_.symmetric_filter(rows, taps.data(), radius, width_, out);
-}
+void ResponseRows::make_next(float* out) { make_response(next_response_++, out); }
 
-void ResponseRows::filter_columns(float* row, const std::vector<float>& taps, float* out) {
-    const float* rows[2 * kMaxRadius + 1];
-    const int radius = radius_of(taps);
-    mirror_ends(row, width_, radius);
-    for (int i = -radius; i <= radius; ++i) rows[i + radius] = row + i;
-    kernels_.symmetric_filter(rows, taps.data(), radius, width_, out);
+const std::int16_t* ResponseRows::source_row(int y) {
+    return octave_ ? octaves_.row(octave_, y) : source_[y];
 }
-
-const float* ResponseRows::source_row(int y) { return octave_ ? octaves_.row(octave_, y) : source_[y]; }
 
 void ResponseRows::make_smooth(int y) {
     const int radius = radius_of(blur_);
     for (; octave_ == 0 && next_source_ <= std::min(y + radius, height_ - 1); ++next_source_)
-        octaves_.read_row(0, next_source_, 0, source_[next_source_]);
-    const float* rows[2 * kMaxRadius + 1];
+        octaves_.read_source(next_source_, source_[next_source_]);
+    const std::int16_t* rows[2 * kMaxRadius + 1];
     for (int i = -radius; i <= radius; ++i) rows[i + radius] = source_row(mirrored(y + i, height_));
-    kernels_.symmetric_filter(rows, blur_.data(), radius, width_, column_[0]);
-    filter_columns(column_[0], blur_, smooth_[y]);
+    kernels_.symmetric_filter(rows, blur_.data(), radius, whole_, column_[0]);
+    mirror_ends(column_[0], width_, radius);
+    for (int i = -radius; i <= radius; ++i) rows[i + radius] = column_[0] + i;
+    kernels_.symmetric_filter(rows, blur_.data(), radius, whole_, smooth_[y]);
     mirror_ends(smooth_[y], width_, 1);
 }
 
 void ResponseRows::make_product(int y) {
     for (; next_smooth_ <= std::min(y + 1, height_ - 1); ++next_smooth_) make_smooth(next_smooth_);
-    const float gain = 0.5f * options_.blur_sigma;
+    // In steps of the values: h = 2 g / sigma, and products of g / (g^2 + c^2)^(1/4) in steps of products.
+    const float c = options_.compression, unit = 0.5f * options_.blur_sigma / kValueUnit;
+    const float level = std::sqrt((c * c + kContrast * kContrast) / (2.0f * kContrast * kContrast));
+    const float floor = std::max(c * c / (unit * unit), 1.0f);
+    const float gain = kProductUnit * unit * level;
+    const auto most = static_cast<std::int16_t>(std::min(kLargestStep / (1.035f * gain), 32767.0f));
     kernels_.gradient_products(smooth_[mirrored(y - 1, height_)], smooth_[y],
-                               smooth_[mirrored(y + 1, height_)], gain, options_.compression, width_, xx_[y],
-                               xy_[y], yy_[y]);
+                               smooth_[mirrored(y + 1, height_)], gain, floor, most, whole_, xx_[y], xy_[y],
+                               yy_[y]);
 }
 
-void ResponseRows::make_response(int y) {
+void ResponseRows::make_response(int y, float* out) {
     const int radius = radius_of(window_);
     for (; next_product_ <= std::min(y + radius, height_ - 1); ++next_product_) make_product(next_product_);
-    Ring* products[] = {&xx_, &xy_, &yy_};
+    Ring<std::int16_t>* products[] = {&xx_, &xy_, &yy_};
     for (int i = 0; i < 3; ++i) {
-        filter_rows(*products[i], y, window_, windowed_[i]);
+        const std::int16_t* rows[2 * kMaxRadius + 1];
+        for (int j = -radius; j <= radius; ++j) rows[j + radius] = (*products[i])[mirrored(y + j, height_)];
+        kernels_.window_rows(rows, window_.data(), radius, whole_, windowed_[i]);
         mirror_ends(windowed_[i], width_, radius);
     }
-    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], window_.data(), radius, options_.alpha,
-                             coarse_row(y), options_.coarse_weight, width_, response_[y]);
+    constexpr float kSum = 32768.0f * kWindowGain;  // of the windows across and down
+    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], across_.data(), radius, options_.alpha,
+                             1.0f / (kSum * kSum), coarse_row(y), options_.coarse_weight, whole_, out);
 }
 
 const float* ResponseRows::coarse_row(int y) {
     if (coarse_) {
         const Neighbours rows = coarse_neighbours(y, height_, coarse_->height);
-        kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight, coarse_->width,
-                       column_[0]);
-        kernels_.stretch_row(column_[0], width_ % 2, coarse_->width, stretched_[0]);
+        kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight,
+                       padded(coarse_->width), blended_[0]);
+        kernels_.stretch_row(blended_[0], width_ % 2, coarse_->width, stretched_[0]);
     }
     return stretched_[0];  // zeros where there is no coarser scale
 }

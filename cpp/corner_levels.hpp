@@ -4,21 +4,24 @@
 
 #include "corner_kernels.hpp"
 #include "octaves.hpp"
+#include "ring.hpp"
 
 namespace facetcam {
 
 struct ResponseOptions {
     float blur_sigma, window_sigma;  // pixels of the octave
-    float alpha, compression;        // compression 0: plain gradients
-    float coarse_weight;             // of the next coarser scale
+    float alpha, compression;
+    float coarse_weight;  // of the next coarser scale
 };
 
-// Rows of an octave-sized map.
+constexpr int kMaxRadius = 8;  // of a Gaussian; the kernels know no larger one
+
+// An octave-sized map; its rows may be written up to `padded(width)`.
 struct Map {
     int width = 0, height = 0;
-    Scratch values;
-    const float* row(int y) const { return values.data() + static_cast<std::size_t>(y) * width; }
-    float* row(int y) { return values.data() + static_cast<std::size_t>(y) * width; }
+    Scratch<float> values;
+    const float* row(int y) const { return values.data() + static_cast<std::size_t>(y) * padded(width); }
+    float* row(int y) { return values.data() + static_cast<std::size_t>(y) * padded(width); }
 };
 
 // Value of the coarser map at a pixel of the finer octave, between its pixels bilinearly.
@@ -33,37 +36,26 @@ class ResponseRows {
 
     // The row, with all rows up to it made; y in [0, height).
     const float* operator[](int y);
+    // Makes the next row elsewhere; those made in between are not kept.
+    void make_next(float* out);
 
  private:
-    // Rows in a ring with mirrored pixels on both sides.
-    class Ring {
-     public:
-        Ring(int height, int width);
-        float* operator[](int y) {
-            return data_.data() + static_cast<std::size_t>(y % height_) * stride_ + pad_;
-        }
-
-     private:
-        int height_, pad_;
-        std::size_t stride_;
-        std::vector<float> data_;
-    };
+    using Taps = std::vector<std::int16_t>;
 
     void make_smooth(int y);
     void make_product(int y);
-    void make_response(int y);
+    void make_response(int y, float* out);
     const float* coarse_row(int y);
-    const float* source_row(int y);
-    void filter_rows(Ring& ring, int y, const std::vector<float>& taps, float* out);
-    void filter_columns(float* row, const std::vector<float>& taps, float* out);
+    const std::int16_t* source_row(int y);
 
     const Octaves& octaves_;
     const Map* coarse_;
     const ResponseOptions& options_;
     const RowKernels& kernels_;
-    const int octave_, width_, height_;
-    const std::vector<float> blur_, window_;
-    Ring source_, smooth_, xx_, xy_, yy_, response_, windowed_, column_, stretched_;
+    const int octave_, width_, height_, whole_;
+    const Taps blur_, window_, across_;  // of the window, down the columns and along the rows
+    Ring<std::int16_t> source_, smooth_, xx_, xy_, yy_, windowed_, column_;
+    Ring<float> response_, blended_, stretched_;
     int next_source_, next_smooth_, next_product_, next_response_;
 };
 

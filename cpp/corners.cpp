@@ -9,12 +9,13 @@ namespace facetcam {
 namespace {
 
 constexpr int kLeastBandRows = 64;
+constexpr int kShare = 128;             // corners of one task
 constexpr float kSizePerWindow = 8.0f;  // diameter: four sigma of the window on either side
 constexpr float kDegreesPerRadian = 57.29577951f;
 
 // Rows of one task: every band computes some rows of its neighbours again, so few bands, but enough to share.
 int band_rows(int height, int threads) {
-    const int share = threads > 1 ? height / (4 * threads) : height;
+    const int share = threads > 1 ? height / (2 * threads) : height;
     return std::max(kLeastBandRows, share);
 }
 
@@ -34,11 +35,11 @@ std::vector<Map> coarse_maps(const Octaves& octaves, const DetectorOptions& opti
         Map& map = maps[octave];
         map.width = octaves.grid(octave).width;
         map.height = octaves.grid(octave).height;
-        map.values = Scratch(static_cast<std::size_t>(map.width) * map.height);
+        map.values = Scratch<float>(static_cast<std::size_t>(padded(map.width)) * map.height);
         const Map* coarse = octave + 1 < static_cast<int>(maps.size()) ? &maps[octave + 1] : nullptr;
         for_bands(map.height, options.threads, [&](int, int first, int last) {
             ResponseRows rows(octaves, octave, coarse, options.response, kernels, first, 0);
-            for (int y = first; y < last; ++y) std::copy_n(rows[y], map.width, map.row(y));
+            for (int y = first; y < last; ++y) rows.make_next(map.row(y));
         });
     }
     return maps;
@@ -75,11 +76,12 @@ std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& o
     return options.cell ? spread_evenly(corners, options.cell, width, wanted) : corners;
 }
 
-// The responses of the single octaves at a corner, from their sum and the maps of the coarser sums.
+// The responses of the single octaves at a corner, from the sum of their squares and the coarser sums.
 std::vector<float> own_responses(const Octaves& octaves, const std::vector<Map>& maps, const Corner& corner,
                                  float coarse_weight) {
     std::vector<float> own;
-    float sum = corner.response;
+    const float root = corner.response * kProductUnit;
+    float sum = root * root;
     for (std::size_t octave = 0; octave < maps.size(); ++octave) {
         float coarse = 0.0f;
         if (octave + 1 < maps.size()) {
@@ -90,7 +92,7 @@ std::vector<float> own_responses(const Octaves& octaves, const std::vector<Map>&
             coarse = upsampled(maps[octave + 1], grid, nearest(corner.x, grid.origin_x, grid.width),
                                nearest(corner.y, grid.origin_y, grid.height));
         }
-        own.push_back(sum - coarse_weight * coarse);
+        own.push_back(std::sqrt(std::max(0.0f, sum - coarse_weight * coarse)));
         sum = coarse;
     }
     return own;
@@ -133,7 +135,7 @@ Keypoint with_size_and_angle(const Octaves& octaves, const std::vector<Map>& map
 }  // namespace
 
 std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mask,
-                                     const std::vector<float>& table, const DetectorOptions& options) {
+                                     const std::vector<std::int16_t>& table, const DetectorOptions& options) {
     const RowKernels& kernels = row_kernels(options.isa);
     // One octave more than scales: directions come from the octave above a corner's.
     const Octaves octaves(image, table, options.scales + 1, kernels, options.threads);
@@ -142,9 +144,13 @@ std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mas
     std::vector<Corner> corners = all_corners(octaves, maps, options, kernels);
     drop_masked(corners, mask);
     corners = choose(std::move(corners), options, image.width);
-    std::vector<Keypoint> keypoints;
-    for (const Corner& corner : corners)
-        keypoints.push_back(with_size_and_angle(octaves, maps, corner, options));
+    std::vector<Keypoint> keypoints(corners.size());
+    const int shares = (static_cast<int>(corners.size()) + kShare - 1) / kShare;
+    parallel_for(shares, options.threads, [&](int share) {
+        const std::size_t first = static_cast<std::size_t>(share) * kShare;
+        for (std::size_t i = first; i < std::min(corners.size(), first + kShare); ++i)
+            keypoints[i] = with_size_and_angle(octaves, maps, corners[i], options);
+    });
     return keypoints;
 }
 

@@ -26,6 +26,6 @@ struct Keypoint {
 // Sorted by falling response, then y, then x. The table maps grey values (see light.hpp); float images are
 // taken as they are.
 std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mask,
-                                     const std::vector<float>& table, const DetectorOptions& options);
+                                     const std::vector<std::int16_t>& table, const DetectorOptions& options);
 
 }  // namespace facetcam

@@ -58,13 +58,17 @@ LightLevels measure_light(const ImageView& image, const MaskView& mask) {
     return {quantile(counts, 0.01), quantile(counts, 0.5)};
 }
 
-std::vector<float> log_table(PixelType type, const LightLevels& light, double eta) {
+std::vector<std::int16_t> log_table(PixelType type, const LightLevels& light, double eta) {
     const double unit = type == PixelType::u8 ? 1.0 : 257.0;  // one grey step of an 8 bit image
     const double gain = kMedianValue / (light.median - light.black + unit);
-    std::vector<float> table(type == PixelType::u8 ? 256 : 65536);
-    for (std::size_t i = 0; i < table.size(); ++i)
-        table[i] = static_cast<float>(
-            std::log(std::max(gain * (static_cast<double>(i) - light.black), 1.0 - eta) + eta));
+    const double slope = 0.5 * (1.0 + eta / kMedianValue) * kValueUnit;
+    std::vector<std::int16_t> table(type == PixelType::u8 ? 256 : 65536);
+    for (std::size_t i = 0; i < table.size(); ++i) {
+        const double lit = std::max(gain * (static_cast<double>(i) - light.black), 1.0 - eta) + eta;
+        const double value = slope * std::log(lit / (kMedianValue + eta));
+        table[i] = static_cast<std::int16_t>(
+            std::lround(std::clamp(value, double{-kLargestStep}, double{kLargestStep})));
+    }
     return table;
 }
 

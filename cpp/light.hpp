@@ -20,7 +20,8 @@ struct MaskView {
 // Black level (1 % quantile) and median of the unmasked pixels of an 8 or 16 bit image.
 LightLevels measure_light(const ImageView& image, const MaskView& mask);
 
-// log(64 (grey - black) / (median - black + 1) + eta) for every grey value of the pixel type.
-std::vector<float> log_table(PixelType type, const LightLevels& light, double eta);
+// (1 + eta / 64) / 2 log((64 (grey - black) / (median - black + 1) + eta) / (64 + eta)) for every grey value
+// of the pixel type, in steps of kValueUnit: 0 with slope 1/2 at the median whatever eta.
+std::vector<std::int16_t> log_table(PixelType type, const LightLevels& light, double eta);
 
 }  // namespace facetcam

@@ -14,18 +14,9 @@ constexpr int kPatchRadius = 7;
 constexpr float kPatchWeights[kPatchRadius + 1] = {1.0f,    0.9460f, 0.8007f, 0.6065f,
                                                    0.4111f, 0.2494f, 0.1353f, 0.0657f};  // sigma 3
 
-template <class Pixel>
-void transfer(const char* row, std::ptrdiff_t step, int n, const float* table, float* out) {
-    if (step == static_cast<std::ptrdiff_t>(sizeof(Pixel))) {
-        const Pixel* pixels = reinterpret_cast<const Pixel*>(row);
-        for (int x = 0; x < n; ++x) out[x] = table[pixels[x]];
-    } else {
-        for (int x = 0; x < n; ++x) out[x] = table[*reinterpret_cast<const Pixel*>(row + x * step)];
-    }
-}
-
-void copy_floats(const char* row, std::ptrdiff_t step, int n, float* out) {
-    for (int x = 0; x < n; ++x) out[x] = *reinterpret_cast<const float*>(row + x * step);
+template <class Pixel, class Convert>
+void read_pixels(const char* row, std::ptrdiff_t step, int n, std::int16_t* out, const Convert& convert) {
+    for (int x = 0; x < n; ++x) out[x] = convert(*reinterpret_cast<const Pixel*>(row + x * step));
 }
 
 OctaveGrid halved(const OctaveGrid& g) {
@@ -36,14 +27,14 @@ OctaveGrid halved(const OctaveGrid& g) {
 
 }  // namespace
 
-void mirror_ends(float* row, int n, int pad) {
+void mirror_ends(std::int16_t* row, int n, int pad) {
     for (int i = 1; i <= pad; ++i) {
         row[-i] = row[i];
         row[n - 1 + i] = row[n - 1 - i];
     }
 }
 
-Octaves::Octaves(const ImageView& image, const std::vector<float>& table, int count,
+Octaves::Octaves(const ImageView& image, const std::vector<std::int16_t>& table, int count,
                  const RowKernels& kernels, int threads)
     : image_(image), table_(table), kernels_(kernels), planes_(count) {
     OctaveGrid grid{image.width, image.height, 0.0f, 0.0f, 1.0f};
@@ -54,37 +45,36 @@ Octaves::Octaves(const ImageView& image, const std::vector<float>& table, int co
     }
 }
 
-void Octaves::transfer_pixels(const char* first, int n, float* out) const {
-    if (image_.type == PixelType::u8)
-        transfer<std::uint8_t>(first, image_.column_stride, n, table_.data(), out);
+void Octaves::transfer_pixels(const char* first, int n, std::int16_t* out) const {
+    const auto look_up = [this](std::size_t pixel) { return table_[pixel]; };
+    const std::ptrdiff_t step = image_.column_stride;
+    if (image_.type == PixelType::u8 && step == 1)
+        kernels_.transfer(reinterpret_cast<const std::uint8_t*>(first), table_.data(), n, out);
+    else if (image_.type == PixelType::u8)
+        read_pixels<std::uint8_t>(first, step, n, out, look_up);
     else if (image_.type == PixelType::u16)
-        transfer<std::uint16_t>(first, image_.column_stride, n, table_.data(), out);
+        read_pixels<std::uint16_t>(first, step, n, out, look_up);
     else
-        copy_floats(first, image_.column_stride, n, out);
+        read_pixels<std::int16_t>(first, step, n, out, [](std::int16_t value) { return value; });
 }
 
-void Octaves::read_row(int octave, int y, int pad, float* out) const {
-    const int n = grids_[octave].width;
-    if (octave == 0)
-        transfer_pixels(static_cast<const char*>(image_.data) + y * image_.row_stride, n, out);
-    else
-        std::copy_n(row(octave, y), n, out);
-    mirror_ends(out, n, pad);
+void Octaves::read_source(int y, std::int16_t* out) const {
+    transfer_pixels(static_cast<const char*>(image_.data) + y * image_.row_stride, image_.width, out);
 }
 
-float Octaves::value(int octave, int x, int y) const {
+std::int16_t Octaves::value(int octave, int x, int y) const {
     const OctaveGrid& grid = grids_[octave];
     x = std::clamp(x, 0, grid.width - 1);
     y = std::clamp(y, 0, grid.height - 1);
     if (octave > 0) return row(octave, y)[x];
     const char* pixel =
         static_cast<const char*>(image_.data) + y * image_.row_stride + x * image_.column_stride;
-    float out;
+    std::int16_t out;
     transfer_pixels(pixel, 1, &out);
     return out;
 }
 
-void Octaves::read_patch_row(int octave, int x, int y, float* out) const {
+void Octaves::read_patch_row(int octave, int x, int y, std::int16_t* out) const {
     const OctaveGrid& grid = grids_[octave];
     const bool inside = x >= kPatchRadius && x + kPatchRadius < grid.width && y >= 0 && y < grid.height;
     if (inside && octave > 0) {
@@ -98,9 +88,9 @@ float Octaves::centroid_angle(int octave, float x, float y) const {
     const int cx = static_cast<int>(std::lround(x)), cy = static_cast<int>(std::lround(y));
     float mx = 0.0f, my = 0.0f;
     for (int j = -kPatchRadius; j <= kPatchRadius; ++j) {
-        float patch[2 * kPatchRadius + 1];
+        std::int16_t patch[2 * kPatchRadius + 1];
         read_patch_row(octave, cx, cy + j, patch);
-        const float* centre = patch + kPatchRadius;
+        const std::int16_t* centre = patch + kPatchRadius;
         const float weight = kPatchWeights[std::abs(j)];
         float sum = centre[0], moment = 0.0f;
         for (int i = 1; i <= kPatchRadius; ++i) {
@@ -118,23 +108,25 @@ void Octaves::build(int octave, int threads) {
     const OctaveGrid fine = grids_[octave - 1], coarse = grids_[octave];
     const bool odd_width = fine.width % 2, odd_height = fine.height % 2;
     const int taps = odd_height ? 5 : 4, lead = odd_height ? 2 : 1;
-    planes_[octave] = Scratch(static_cast<std::size_t>(coarse.width) * coarse.height);
+    const int whole = padded(coarse.width);
+    planes_[octave] = Scratch<std::int16_t>(static_cast<std::size_t>(whole) * coarse.height);
     const int bands = (coarse.height + kBandRows - 1) / kBandRows;
     parallel_for(bands, threads, [&](int band) {
-        constexpr int kPad = 2, kRing = 8;
-        const int stride = fine.width + 2 * kPad;
-        std::vector<float> ring(static_cast<std::size_t>(kRing) * stride), sum(stride);
-        const auto slot = [&](int y) { return ring.data() + (y % kRing) * stride + kPad; };
+        Ring<std::int16_t> ring(taps + 1, fine.width), sum(1, fine.width);
         const int last = std::min(coarse.height, (band + 1) * kBandRows);
         int next = std::max(0, 2 * band * kBandRows - lead);
         for (int y = band * kBandRows; y < last; ++y) {
-            const float* rows[5];
-            for (; next <= std::min(2 * y - lead + taps - 1, fine.height - 1); ++next)
-                read_row(octave - 1, next, kPad, slot(next));
-            for (int i = 0; i < taps; ++i) rows[i] = slot(mirrored(2 * y - lead + i, fine.height)) - kPad;
-            kernels_.halve_column(rows, odd_height, stride, sum.data());
-            kernels_.halve_row(sum.data() + kPad, odd_width, coarse.width,
-                               planes_[octave].data() + static_cast<std::size_t>(y) * coarse.width);
+            const std::int16_t* rows[5];
+            for (; octave == 1 && next <= std::min(2 * y - lead + taps - 1, fine.height - 1); ++next)
+                read_source(next, ring[next]);
+            for (int i = 0; i < taps; ++i) {
+                const int source = mirrored(2 * y - lead + i, fine.height);
+                rows[i] = octave == 1 ? ring[source] : row(octave - 1, source);
+            }
+            kernels_.halve_column(rows, odd_height, padded(fine.width), sum[0]);
+            mirror_ends(sum[0], fine.width, 2);
+            kernels_.halve_row(sum[0], odd_width, coarse.width,
+                               planes_[octave].data() + static_cast<std::size_t>(y) * whole);
         }
     });
 }

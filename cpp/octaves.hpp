@@ -6,11 +6,12 @@
 #include <vector>
 
 #include "corner_kernels.hpp"
+#include "ring.hpp"
 #include "scratch.hpp"
 
 namespace facetcam {
 
-enum class PixelType { u8, u16, f32 };
+enum class PixelType { u8, u16, values };  // values: as the table gives them
 
 // A grey image of any stride, as the caller holds it (strides in bytes).
 struct ImageView {
@@ -30,16 +31,16 @@ struct OctaveGrid {
 // odd and even sizes alike, so a flipped or turned image has the flipped or turned octaves.
 class Octaves {
  public:
-    Octaves(const ImageView& image, const std::vector<float>& table, int count, const RowKernels& kernels,
-            int threads);
+    Octaves(const ImageView& image, const std::vector<std::int16_t>& table, int count,
+            const RowKernels& kernels, int threads);
 
     int count() const { return static_cast<int>(grids_.size()); }
     const OctaveGrid& grid(int octave) const { return grids_[octave]; }
-    // Writes the row with `pad` mirrored pixels on both sides; `out` points at pixel 0.
-    void read_row(int octave, int y, int pad, float* out) const;
-    // The stored row of an octave above 0.
-    const float* row(int octave, int y) const {
-        return planes_[octave].data() + static_cast<std::size_t>(y) * grids_[octave].width;
+    // Writes a row of octave 0.
+    void read_source(int y, std::int16_t* out) const;
+    // The stored row of an octave above 0, followed by anything up to `padded(width)`.
+    const std::int16_t* row(int octave, int y) const {
+        return planes_[octave].data() + static_cast<std::size_t>(y) * padded(grids_[octave].width);
     }
     // Direction from a point to the centroid of the values round it under a Gaussian of sigma 3, radians in
     // [0, 2 pi); the point in pixels of the octave.
@@ -47,20 +48,20 @@ class Octaves {
 
  private:
     void build(int octave, int threads);
-    void transfer_pixels(const char* first, int n, float* out) const;
-    void read_patch_row(int octave, int x, int y, float* out) const;
-    float value(int octave, int x, int y) const;
+    void transfer_pixels(const char* first, int n, std::int16_t* out) const;
+    void read_patch_row(int octave, int x, int y, std::int16_t* out) const;
+    std::int16_t value(int octave, int x, int y) const;
 
     ImageView image_;
-    const std::vector<float>& table_;
+    const std::vector<std::int16_t>& table_;
     const RowKernels& kernels_;
     std::vector<OctaveGrid> grids_;
-    std::vector<Scratch> planes_;
+    std::vector<Scratch<std::int16_t>> planes_;
 };
 
 // Index mirrored at the borders without repeating the border pixel.
 inline int mirrored(int i, int n) { return i < 0 ? -i : i >= n ? 2 * n - 2 - i : i; }
 
-void mirror_ends(float* row, int n, int pad);
+void mirror_ends(std::int16_t* row, int n, int pad);
 
 }  // namespace facetcam

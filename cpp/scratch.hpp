@@ -7,7 +7,8 @@
 
 namespace facetcam {
 
-// A float buffer of at least `size` values (not cleared), returned to its thread's store when it dies.
+// A buffer of at least `size` values (not cleared), returned to its thread's store when it dies.
+template <class T>
 class Scratch {
  public:
     Scratch() = default;
@@ -28,16 +29,16 @@ class Scratch {
         if (!values_.empty()) stored().push_back(std::move(values_));
     }
 
-    float* data() { return values_.data(); }
-    const float* data() const { return values_.data(); }
+    T* data() { return values_.data(); }
+    const T* data() const { return values_.data(); }
 
  private:
-    static std::vector<std::vector<float>>& stored() {
-        thread_local std::vector<std::vector<float>> store;
+    static std::vector<std::vector<T>>& stored() {
+        thread_local std::vector<std::vector<T>> store;
         return store;
     }
 
-    std::vector<float> values_;
+    std::vector<T> values_;
 };
 
 }  // namespace facetcam

@@ -1,6 +1,7 @@
 #include "selection.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <numeric>
 
@@ -9,7 +10,7 @@
 namespace facetcam {
 namespace {
 
-constexpr int kMaxRadius = 8;
+constexpr int kWidestWindow = 8;
 
 // The total order breaks ties, so of equal neighbours exactly one wins.
 bool wins_window(const float* const* rows, int x, int radius) {
@@ -46,18 +47,19 @@ bool stronger(const Corner& a, const Corner& b) {
 std::vector<Corner> find_peaks(ResponseRows& rows, int width, int height, const PeakOptions& options,
                                const RowKernels& kernels, int first, int last) {
     const int reach = options.radius, border = std::max(options.border, reach), n = width - 2 * border;
+    const float least = options.threshold * kProductUnit;
     std::vector<Corner> corners;
     std::vector<std::uint8_t> flags(width + sizeof(std::uint64_t));
     for (int y = std::max(first, border); y < std::min(last, height - border); ++y) {
-        const float* near[2 * kMaxRadius + 1];
+        const float* near[2 * kWidestWindow + 1];
         for (int j = -reach; j <= reach; ++j) near[j + reach] = rows[y + j];
         const float *above = near[reach - 1], *row = near[reach], *below = near[reach + 1];
-        kernels.peaks(above + border, row + border, below + border, options.threshold, n, flags.data());
+        kernels.peaks(above + border, row + border, below + border, least * least, n, flags.data());
         for (int i = next_set(flags, 0); i < n; i = next_set(flags, i + 1)) {
             const int x = border + i;
             if (!wins_window(near, x, reach)) continue;
             const Offset d = subpixel(above + x, row + x, below + x);
-            corners.push_back({x + d.x, y + d.y, row[x]});
+            corners.push_back({x + d.x, y + d.y, std::sqrt(row[x]) / kProductUnit});
         }
     }
     return corners;

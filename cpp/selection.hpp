@@ -8,7 +8,7 @@ namespace facetcam {
 
 struct Corner {
     float x, y;
-    float response;
+    float response;  // root of the summed measures
 };
 
 struct PeakOptions {

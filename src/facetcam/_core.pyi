@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 def detect_corners(
     image: NDArray[Any],
     mask: NDArray[np.uint8] | None,
-    table: NDArray[np.float32],
+    table: NDArray[np.int16],
     scales: int,
     sigma: float,
     window: float,
@@ -25,9 +25,7 @@ def detect_corners(
     threads: int,
     isa: int = -1,
 ) -> NDArray[np.float32]: ...
-def transfer_table(
-    image: NDArray[Any], mask: NDArray[np.uint8] | None, eta: float
-) -> NDArray[np.float32]: ...
+def transfer_table(image: NDArray[Any], mask: NDArray[np.uint8] | None, eta: float) -> NDArray[np.int16]: ...
 def best_isa() -> int: ...
 def match_mutual(
     query: NDArray[np.uint8], train: NDArray[np.uint8], max_distance: int, ratio: float

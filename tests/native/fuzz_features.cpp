@@ -33,10 +33,10 @@ void fuzz_image(PixelType type) {
     for (auto& pixel : mask_pixels) pixel = static_cast<std::uint8_t>(up_to(0, 1));
     const MaskView mask{up_to(0, 1) ? mask_pixels.data() : nullptr, width, 1};
     const float eta = between(1.0f, 200.0f);
-    const auto table =
-        type == PixelType::f32 ? std::vector<float>() : log_table(type, measure_light(image, mask), eta);
-    const ResponseOptions response{between(0.3f, 4.0f), between(0.5f, 4.0f), between(0.0f, 0.2f),
-                                   between(-0.1f, 0.1f), between(0.0f, 2.0f)};
+    const auto table = type == PixelType::values ? std::vector<std::int16_t>()
+                                                 : log_table(type, measure_light(image, mask), eta);
+    const ResponseOptions response{between(0.3f, 4.0f), between(0.85f, 4.0f), between(0.0f, 0.2f),
+                                   between(0.0f, 1.0f), between(0.0f, 2.0f)};
     const DetectorOptions options{up_to(1, 7),
                                   response,
                                   {between(0.0f, 0.05f), up_to(1, 8), up_to(0, 20)},
@@ -79,7 +79,7 @@ int main() {
     for (int round = 0; round < 200; ++round) {
         fuzz_image<std::uint8_t>(PixelType::u8);
         fuzz_image<std::uint16_t>(PixelType::u16);
-        fuzz_image<float>(PixelType::f32);
+        fuzz_image<std::int16_t>(PixelType::values);
         fuzz_matching();
     }
     std::puts("no finding");

@@ -20,9 +20,10 @@ from facetcam.features.keypoints import Keypoints
 from facetcam.features.paper import PaperParameters, paper_rows
 from facetcam.features.peaks import strongest
 
-MODES = {"robust": (0.01, 0.02), "paper": (0.04, 500.0)}  # alpha, threshold
+MODES = {"robust": (0.01, 0.0225), "paper": (0.04, 500.0)}  # alpha, threshold
 
-_NO_TABLE = np.zeros(0, np.float32)
+_NO_TABLE = np.zeros(0, np.int16)
+_VALUE_UNIT, _LARGEST = 4096.0, 16300.0  # fixed point of cpp/corner_kernels.hpp
 _LIMITS = {
     "scales": (1, 8),
     "sigma": (0.3, 4.0),
@@ -30,9 +31,9 @@ _LIMITS = {
     "threshold": (0.0, np.inf),
     "spread": (0, 1e6),
     "eta": (1, 1e6),
-    "window": (0.5, 4.0),
+    "window": (0.85, 4.0),
     "coarse_weight": (0.0, 10.0),
-    "compression": (0.0, 1e6),
+    "compression": (0.0, 1.0),
     "suppression": (1, 8),
     "border": (0, 1e6),
     "threads": (0, 1024),
@@ -58,20 +59,21 @@ class SIICFOptions:
     alpha : float
         Of Harris' det H - alpha trace^2 H, equation 5; None takes 0.01 (robust) or 0.04 (paper).
     threshold : float
-        Least response; None takes 0.02 (robust) or 500 (paper). A robust response comes from gradients of the
-        logarithm, so this is a contrast whatever the light; lower it for more, weaker corners.
+        Least response; None takes 0.0225 (robust) or 500 (paper). A robust response comes from gradients of
+        the logarithm, so this is a contrast whatever the light; lower it for more, weaker corners.
     spread : int
         Robust: 0 keeps the strongest anywhere. Otherwise the side in pixels of square cells: the best of
         every cell comes first, then every second best, and so on.
     eta : float
         Robust: intensity added inside the logarithm, where the median grey value is 64; more damps dark
-        noise.
+        noise. The slope at the median, and with it the meaning of the threshold, does not depend on it.
     window : float
         Robust: Gaussian over the products of gradients (integration scale), pixels of the octave.
     coarse_weight : float
-        Robust: weight of the response of the next coarser octave in the sum over octaves.
+        Robust: weight of the squared response of the next coarser octave in the sum over octaves.
     compression : float
-        Robust: gradients g become g / sqrt(|g| + compression); 0 leaves them.
+        Robust: gradients g become g / (g^2 + compression^2)^(1/4), up to a factor that keeps a gradient of
+        0.05 as strong as it is with a compression of 0.05; the larger, the less are strong ones tamed.
     suppression : int
         Robust: half width of the window in which a corner must be the maximum, pixels.
     border : int
@@ -95,7 +97,7 @@ class SIICFOptions:
     spread: int = 0
     eta: float = 64.0
     window: float = 1.5
-    coarse_weight: float = 0.7
+    coarse_weight: float = 0.8
     compression: float = 0.05
     suppression: int = 2
     border: int = 4
@@ -174,11 +176,10 @@ class SIICF(Detector):
 def _log_of_floats(grey: Image, mask: Mask | None, eta: float) -> Image:
     """Do to float images what `_core.transfer_table` does to grey values; the range stands for 255 steps."""
     seen = grey if mask is None else grey[mask > 0]
-    if seen.size == 0:
-        return np.zeros_like(grey)
-    black, median = np.quantile(seen, (0.01, 0.5))
-    unit = float(np.ptp(seen)) / 255.0
+    unit = float(np.ptp(seen)) / 255.0 if seen.size else 0.0
     if unit == 0.0:
-        return np.zeros_like(grey)
-    scaled = 64.0 * (grey.astype(np.float64) - black) / (median - black + unit)
-    return np.asarray(np.log(np.maximum(scaled, 1.0 - eta) + eta), np.float32)
+        return np.zeros(grey.shape, np.int16)
+    black, median = np.quantile(seen, (0.01, 0.5))
+    lit = np.maximum(64.0 * (grey.astype(np.float64) - black) / (median - black + unit), 1.0 - eta) + eta
+    values = _VALUE_UNIT * 0.5 * (1.0 + eta / 64.0) * np.log(lit / (64.0 + eta))
+    return np.asarray(np.rint(np.clip(values, -_LARGEST, _LARGEST)), np.int16)
