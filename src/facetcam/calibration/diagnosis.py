@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.calibration.boards import DICTIONARIES, MARKED, Board, BoardSet
-from facetcam.calibration.markers import fitting_pairs, read_markers
+from facetcam.calibration.markers import Markers, fitting_pairs, project, read_markers
 from facetcam.errors import ConfigError
 
 Image = NDArray[np.uint8]
@@ -19,7 +19,6 @@ _LEAST_MARKERS = 6  # of another dictionary before it is suggested
 _CLEARLY = 1.5  # times as many neighbours that fit, before another layout is suggested
 _MOST_COLUMNS = 24
 _WIDTH = 1600  # pixels of a photo in which other dictionaries are looked for
-_SHARES = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85)
 
 
 def wanted(boards: BoardSet) -> str:
@@ -83,7 +82,7 @@ def better_layout(images: Sequence[Image], board: Board) -> str:
 
     as_told = score(board)
     best, most = board, as_told
-    for candidate in _variations(board):
+    for candidate in (*_variations(board), *_resized(readings, board)):
         fitting = score(candidate)
         if fitting > most:
             best, most = candidate, fitting
@@ -105,8 +104,25 @@ def _variations(board: Board) -> Iterable[Board]:
             needed = int(np.ceil(2 * len(board.ids) / columns)) if board.kind == "charuco" else rows
             fitted = max(3, needed + (needed - rows) % 2)
             yield from _possible(board, squares=(columns, fitted), legacy=legacy)
-    for share in _SHARES:
-        yield from _possible(board, marker=share * board.square)
+
+
+def _resized(readings: Sequence[Markers], board: Board) -> Iterable[Board]:
+    """The board with its markers as large as they are seen, where the plan of their middles fits."""
+    plan = board.marker_corners[:, :, :2]
+    sides: list[float] = []
+    for found in readings:
+        mine = (found.ids >= board.ids.start) & (found.ids < board.ids.stop)
+        if mine.sum() < _LEAST_MARKERS:
+            continue
+        middles = plan[found.ids[mine] - board.ids.start].mean(axis=1)
+        H, fits = cv2.findHomography(found.quads[mine].mean(axis=1), middles, cv2.RANSAC, 0.1 * board.square)
+        if H is None or fits.sum() < _LEAST_MARKERS:
+            continue
+        corners = project(np.asarray(H), found.quads[mine].reshape(-1, 2)).reshape(-1, 4, 2)
+        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+        sides += lengths[fits.ravel() > 0].tolist()
+    if sides:
+        yield from _possible(board, marker=float(f"{np.median(sides):.2g}"))
 
 
 def _possible(board: Board, **changes: object) -> Iterable[Board]:

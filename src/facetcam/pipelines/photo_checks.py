@@ -71,6 +71,10 @@ def fit_together(
     usual = float(np.median(widths)) if widths else np.inf
     limit = max(BLURRED * usual, usual + 1.0)
     kept = _without(kept, lambda p: p.blur > limit, f"blurred, edges over {limit:.1f} px wide", warnings)
+    blank = [p.path.name for p in kept if not p.sightings]
+    if blank:
+        names = ", ".join(blank[:5]) + (", ..." if len(blank) > 5 else "")
+        warnings.append(f"{len(blank)} of {len(kept)} photos show no board that could be read: {names}")
     return [renumbered(photo, index) for index, photo in enumerate(kept)], warnings
 
 

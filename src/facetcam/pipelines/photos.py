@@ -205,7 +205,7 @@ def _recall(file: Path | None, path: Path, digest: str) -> Photo | None:
     if file is None or not file.is_file():
         return None
     try:
-        with np.load(file, allow_pickle=False) as kept:
+        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as kept:
             sightings = tuple(
                 Sighting(0, int(board), kept[f"corners{k}"], kept[f"pixels{k}"], None if m < 0 else bool(m))
                 for k, (board, m) in enumerate(zip(kept["boards"], kept["mirrored"]))
