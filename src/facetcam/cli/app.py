@@ -11,6 +11,7 @@ from facetcam import __version__
 from facetcam.cli.boards import boards
 from facetcam.cli.calibrate import calibrate
 from facetcam.cli.demo import demo
+from facetcam.cli.design import design
 from facetcam.cli.detect import detect
 from facetcam.cli.evaluate_detectors import detectors
 from facetcam.cli.evaluate_trajectory import trajectory
@@ -45,7 +46,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (demo, slam, unwrap, boards, calibrate, detect):
+for command in (demo, slam, unwrap, boards, calibrate, detect, design):
     app.command()(in_one_line(command))
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))

@@ -6,12 +6,13 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from facetcam.config import nearest
 from facetcam.errors import RigError
 from facetcam.geometry import se3
-from facetcam.rig.camera import BROWN_CONRADY, Camera
+from facetcam.rig.camera import Camera
+from facetcam.rig.frustum import at_height, face_names, inset, looking_at, pinhole, regular_outline
 from facetcam.rig.mirrors import Mirror
 from facetcam.rig.rig import Rig
 from facetcam.rig.view import View
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 
 PREFIX = "preset:"
 
-_SIDES = ("front", "left", "back", "right")
 _SPARE = 0.95  # share of the sensor that a fitted focal length fills
 
 
@@ -72,22 +72,22 @@ def ryu(
     RigError
         If the facets would cross each other or the base.
     """
-    outline = _polygon(faces, radius) * (aspect, 1.0)
-    opening = _inset(outline, depth)
+    outline = regular_outline(faces, radius) * (aspect, 1.0)
+    opening = inset(outline, depth)
     drop = depth * math.tan(tilt)
     if not 0.0 < drop < height:
         raise RigError(
             f"ryu: facets {drop * 1e3:.0f} mm deep do not fit above a base {height * 1e3:.0f} mm below"
         )
-    mirrors = {"base": Mirror.from_polygon("base", _at_height(outline, 0.0))}
+    mirrors = {"base": Mirror.from_polygon("base", at_height(outline, 0.0))}
     views = {}
-    for i, name in enumerate(_face_names(faces)):
+    for i, name in enumerate(face_names(faces)):
         edge = [i, (i + 1) % faces]
-        upper, lower = _at_height(outline[edge], height), _at_height(opening[edge[::-1]], height - drop)
+        upper, lower = at_height(outline[edge], height), at_height(opening[edge[::-1]], height - drop)
         mirrors[name] = Mirror.from_polygon(name, np.vstack([upper, lower]))
         views[name] = View(("base", name))
-    T_rig_cam = _looking_at((0.0, 0.0, camera_height), (0.0, 0.0, 0.0))
-    rig = Rig(_pinhole(focal), T_rig_cam, mirrors, views)
+    T_rig_cam = looking_at((0.0, 0.0, camera_height), (0.0, 0.0, 0.0))
+    rig = Rig(pinhole(focal), T_rig_cam, mirrors, views)
     rig.check()
     return rig
 
@@ -116,18 +116,18 @@ def pyramid(
     RigError
         If the camera would not stand above the tip.
     """
-    outline = _at_height(_polygon(faces, radius), 0.0)
+    outline = at_height(regular_outline(faces, radius), 0.0)
     tip = np.array([0.0, 0.0, radius * math.tan(tilt)])
     if not 0.0 < tip[2] < camera_height:
         raise RigError(
             f"pyramid: the tip, {tip[2] * 1e3:.0f} mm high, must stand between the foot and the camera"
         )
-    names = _face_names(faces)
+    names = face_names(faces)
     mirrors = {
         name: Mirror.from_polygon(name, [outline[i], outline[(i + 1) % faces], tip])
         for i, name in enumerate(names)
     }
-    T_rig_cam = _looking_at((0.0, 0.0, camera_height), (0.0, 0.0, 0.0))
+    T_rig_cam = looking_at((0.0, 0.0, camera_height), (0.0, 0.0, 0.0))
     camera = _fitted(T_rig_cam, outline)
     rig = Rig(camera, T_rig_cam, mirrors, {name: View((name,)) for name in names})
     rig.check()
@@ -157,7 +157,7 @@ def table(angle: float = math.radians(90.0), width: float = 0.5, height: float =
     chains = {"direct": (), "left": ("left",), "right": ("right",)}
     chains |= {"left_right": ("left", "right"), "right_left": ("right", "left")}
     reach = 2.0 * width
-    T_rig_cam = _looking_at((0.0, -reach, reach), (0.0, -0.3 * width, 0.3 * height))
+    T_rig_cam = looking_at((0.0, -reach, reach), (0.0, -0.3 * width, 0.3 * height))
     corners = np.vstack([mirror.polygon for mirror in mirrors.values() if mirror.polygon is not None])
     views = {name: View(chain) for name, chain in chains.items()}
     rig = Rig(_fitted(T_rig_cam, corners), T_rig_cam, mirrors, views)
@@ -165,54 +165,9 @@ def table(angle: float = math.radians(90.0), width: float = 0.5, height: float =
     return rig
 
 
-def _face_names(faces: int) -> tuple[str, ...]:
-    return _SIDES if faces == 4 else tuple(f"face{i + 1}" for i in range(faces))
-
-
-def _polygon(faces: int, inradius: float) -> Array:
-    """Corners (faces, 2), counter-clockwise; the first edge lies in front (y > 0)."""
-    if faces < 3 or not (math.isfinite(inradius) and inradius > 0):
-        raise RigError(
-            f"a rig takes three or more faces and a radius above zero, got {faces} and {inradius:g}"
-        )
-    step = math.tau / faces
-    azimuth = math.pi / 2 + step * (np.arange(faces) - 0.5)
-    return inradius / math.cos(step / 2) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
-
-
-def _inset(corners: Array, distance: float) -> Array:
-    """Shrink a convex counter-clockwise polygon: every edge moves inwards by `distance`."""
-    along = np.roll(corners, -1, axis=0) - corners
-    inward = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
-    offset = np.einsum("ij,ij->i", inward, corners) + distance
-    pairs = np.stack([np.roll(inward, 1, axis=0), inward], axis=1)
-    inner = np.linalg.solve(pairs, np.stack([np.roll(offset, 1), offset], axis=1)[..., None])[..., 0]
-    if np.any(np.einsum("ij,ij->i", np.roll(inner, -1, axis=0) - inner, along) <= 0):
-        raise RigError(
-            f"ryu: facets that reach {distance * 1e3:.0f} mm inwards cross each other; lower the depth"
-        )
-    return inner
-
-
-def _at_height(points: Array, z: float) -> Array:
-    return np.column_stack([points, np.full(len(points), z)])
-
-
-def _looking_at(centre: ArrayLike, target: ArrayLike) -> Array:
-    """Pose of a camera whose image has the rig's +y, or its +z, upwards."""
-    forward = np.subtract(target, centre)
-    forward = forward / np.linalg.norm(forward)
-    right = np.array([1.0, 0.0, 0.0])
-    return se3.from_rotation_translation(np.column_stack([right, np.cross(forward, right), forward]), centre)
-
-
-def _pinhole(focal: float, width: int = 1600, height: int = 1200) -> Camera:
-    return Camera(BROWN_CONRADY, width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, (0.0,) * 5)
-
-
 def _fitted(T_rig_cam: Array, points: Array) -> Camera:
     """Camera with the longest focal length that keeps all points (N, 3) on the sensor, with some to spare."""
     in_camera = se3.transform(se3.inverse(T_rig_cam), points)
-    unit = _pinhole(1.0)
+    unit = pinhole(1.0)
     reach = np.abs(in_camera[:, :2] / in_camera[:, 2:]).max(axis=0)
-    return _pinhole(_SPARE * float(min((unit.cx, unit.cy) / reach)))
+    return pinhole(_SPARE * float(min((unit.cx, unit.cy) / reach)))

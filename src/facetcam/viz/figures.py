@@ -144,13 +144,18 @@ def new_figure(width: float, height: float) -> tuple[Figure, Axes]:
 
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="none")
     axes = figure.add_subplot(facecolor="none")
+    plain(axes)
+    return figure, axes
+
+
+def plain(axes: Axes) -> None:
+    """The style of the page: no box, faint grid, muted words."""
     axes.spines[["top", "right", "left", "bottom"]].set_visible(False)
     axes.grid(color=LINE, lw=0.8)
     axes.set_axisbelow(True)
     axes.tick_params(colors=MUTED, length=0)
     axes.xaxis.label.set_color(MUTED)
     axes.yaxis.label.set_color(MUTED)
-    return figure, axes
 
 
 def to_svg(figure: Figure) -> str:

@@ -1,0 +1,200 @@
+"""A rig as a drawing: in space and from two sides, with its rays and sizes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.design.analysis import Analysis
+from facetcam.design.areas import body_faces
+from facetcam.design.spec import Body, Family
+from facetcam.geometry import se3
+from facetcam.rig import Rig
+from facetcam.rig.tracing import Tracer
+from facetcam.viz.figures import INK, MUTED, plain, to_svg
+from facetcam.viz.palette import view_colour
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+MM = 1000.0
+MIRROR_COLOUR, BODY_COLOUR = "#8a94a3", "#4a5362"
+_BOUNCES = 6
+_RAYS = 5  # drawn of each view
+
+
+def rig_figure(analysis: Analysis, body: Body) -> str:
+    """The rig in space: mirrors, camera, a few rays of each view, and the virtual cameras as open circles."""
+    from matplotlib.figure import Figure
+
+    rig = analysis.rig
+    figure = Figure(figsize=(7.2, 5.6), facecolor="none")
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", facecolor="none")
+    axes.set_axis_off()
+    axes.view_init(elev=24, azim=-62)
+    shown = [_draw_solids(axes, rig, body)]
+    size = float(np.ptp(shown[0], axis=0).max())
+    for index, name in enumerate(rig.views):
+        colour = view_colour(index)
+        for ray in _spread_rays(analysis, name):
+            path = ray_path(rig, ray, 0.55 * size)
+            axes.plot(*(MM * path).T, color=colour, lw=1.1, alpha=0.9)
+            shown.append(path)
+        centre = MM * analysis.views[name].centre
+        axes.plot(*centre[:, None], "o", ms=6, mfc="none", mec=colour, mew=1.6)
+        shown.append(centre[None] / MM)
+        _name_view(axes, path[-1], name, colour)
+    frame_axes(axes, MM * np.vstack(shown))
+    return to_svg(figure)
+
+
+def cut_figure(analysis: Analysis, family: Family | None) -> str:
+    """The rig from the side and from the front, with its rays and the sizes of the drawing.
+
+    The rays are those of the middle column and row of the sensor; where these show too little (a camera that
+    stands askew), some of each view.
+    """
+    from matplotlib.figure import Figure
+
+    rig = analysis.rig
+    figure = Figure(figsize=(11.6, 4.0), layout="constrained", facecolor="none")
+    size = float(np.ptp(_corners(rig), axis=0).max())
+    for axes, across, words in zip(figure.subplots(1, 2), (1, 0), ("front", "right")):
+        axes.set_facecolor("none")
+        plain(axes)
+        for index, name in enumerate(rig.views):
+            rays = (
+                _middle_rays(analysis, index, across) if family is not None else _spread_rays(analysis, name)
+            )
+            for ray in rays:
+                path = MM * ray_path(rig, ray, 0.5 * size)
+                axes.plot(path[:, across], path[:, 2], color=view_colour(index), lw=1.0, alpha=0.75)
+        for mirror in rig.mirrors.values():
+            if mirror.polygon is not None:
+                ring = MM * np.vstack([mirror.polygon, mirror.polygon[:1]])
+                axes.fill(ring[:, across], ring[:, 2], color=MIRROR_COLOUR, alpha=0.13, lw=0)
+                axes.plot(ring[:, across], ring[:, 2], color=INK, lw=1.3)
+        axes.plot(MM * rig.T_rig_cam[across, 3], MM * rig.T_rig_cam[2, 3], "o", ms=7, color=INK)
+        if family is not None:
+            _dimensions(axes, family, across)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_xlabel(f"{words} (mm)")
+        axes.set_ylabel("up (mm)")
+    return to_svg(figure)
+
+
+def ray_path(rig: Rig, ray: Array, beyond: float) -> Array:
+    """Corner points (N, 3) of a camera ray (3,), from the lens over every mirror and `beyond` metres on."""
+    mirrors = list(rig.mirrors.values())
+    paths = Tracer(mirrors, rig.T_rig_cam).trace(ray[None], _BOUNCES)
+    corners, direction, travelled = [rig.T_rig_cam[:3, 3]], rig.T_rig_cam[:3, :3] @ ray, 0.0
+    for index, length in zip(paths.mirror[:, 0], paths.length[:, 0], strict=True):
+        if index < 0:
+            break
+        corners.append(corners[-1] + (length - travelled) * direction)
+        direction, travelled = mirrors[index].reflection[:3, :3] @ direction, length
+    return np.array([*corners, corners[-1] + beyond * direction])
+
+
+def _spread_rays(analysis: Analysis, name: str) -> list[Array]:
+    """A ray (3,) amid a view and up to four near its corners, far from each other."""
+    area = analysis.areas[name]
+    middle = np.mean([cone.mean(axis=0) for cone in area.cones], axis=0)
+    corners = np.vstack(area.outlines())
+    inner = middle + 0.94 * (corners - middle)
+    inner /= np.linalg.norm(inner, axis=1, keepdims=True)
+    inner = inner[area.sees(inner @ area.R.T)]
+    chosen = [middle / np.linalg.norm(middle)]
+    while len(chosen) < min(_RAYS, len(inner) + 1):
+        gaps = np.linalg.norm(inner[:, None] - np.array(chosen)[None], axis=2).min(axis=1)
+        chosen.append(inner[int(np.argmax(gaps))])
+    return [ray for ray in chosen if area.sees((ray @ area.R.T)[None])[0]]
+
+
+def _middle_rays(analysis: Analysis, index: int, across: int) -> Array:
+    """Rays (N, 3) of a view on the middle column (across = 1) or row (0) of the sensor."""
+    camera, sensor = analysis.rig.camera, analysis.sensor
+    column, row = (round(c / sensor.step) for c in (camera.cx, camera.cy))
+    line = sensor.view[:, column] if across == 1 else sensor.view[row]
+    found = np.flatnonzero(line == index)
+    if not len(found):
+        return np.empty((0, 3))
+    along = sensor.step * found[np.linspace(0, len(found) - 1, 7).astype(int)].astype(np.float64)
+    other = np.full(len(along), camera.cx if across == 1 else camera.cy)
+    return camera.ray(np.column_stack([other, along] if across == 1 else [along, other]))
+
+
+def _draw_solids(axes: Any, rig: Rig, body: Body) -> Array:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    last = {view.mirrors[-1]: i for i, view in enumerate(rig.views.values()) if view.mirrors}
+    drawn = []
+    for name, mirror in rig.mirrors.items():
+        if mirror.polygon is not None:
+            colour = view_colour(last[name]) if name in last else MIRROR_COLOUR
+            face = Poly3DCollection(
+                [MM * mirror.polygon], facecolor=colour, alpha=0.22, edgecolor=colour, lw=1.2
+            )
+            axes.add_collection3d(face)
+            drawn.append(mirror.polygon)
+    faces = [se3.transform(rig.T_rig_cam, face) for face in body_faces(body)]
+    solid = Poly3DCollection(
+        [MM * face for face in faces], facecolor=BODY_COLOUR, alpha=0.9, edgecolor="none"
+    )
+    axes.add_collection3d(solid)
+    return np.vstack([*drawn, *faces])
+
+
+def _name_view(axes: Any, where: Array, name: str, colour: str) -> None:
+    axes.text(*(MM * where), name, color=colour, fontsize=10, fontweight="bold", ha="center")
+
+
+def frame_axes(axes: Any, points: Array, zoom: float = 1.45) -> None:
+    """Show all points (N, 3) in a picture in space, with equal scales."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    for setter, a, b in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high):
+        setter(a, b)
+    axes.set_box_aspect(np.maximum(high - low, 1e-3), zoom=zoom)
+
+
+def _dimensions(axes: Axes, family: Family, across: int) -> None:
+    """Radius, tilt and height in the paper's sense."""
+    stretch = family.aspect if across == 0 and family.faces % 2 == 0 else 1.0
+    radius = MM * family.radius * stretch
+    words_of = "radius" if stretch == 1.0 else "radius × aspect"
+    wide = MM * family.height if family.fold else 0.0
+    up = 1.0 if family.fold else -1.0
+    room = 0.10 * MM * family.height * up
+
+    def measure(
+        start: tuple[float, float], end: tuple[float, float], words: str, at: tuple[float, float]
+    ) -> None:
+        axes.annotate("", start, end, arrowprops={"arrowstyle": "<->", "color": MUTED, "lw": 0.9})
+        axes.annotate(words, at, color=INK, ha="center", va="center", fontsize=9)
+
+    measure(
+        (0, wide + room), (radius, wide + room), f"{words_of} {radius:.1f}", (radius / 2, wide + 1.9 * room)
+    )
+    measure((-1.15 * radius, 0), (-1.15 * radius, MM * family.height), "", (0, 0))
+    words = f"height {MM * family.height:.0f}"
+    axes.annotate(
+        words,
+        (-1.22 * radius, MM * family.height / 2),
+        color=INK,
+        rotation=90,
+        ha="center",
+        va="center",
+        fontsize=9,
+    )
+    axes.annotate(
+        f"tilt {family.tilt_degrees:.1f}°", (radius * 1.04, wide - 0.7 * room), color=INK, fontsize=9
+    )
+
+
+def _corners(rig: Rig) -> Array:
+    polygons = [m.polygon for m in rig.mirrors.values() if m.polygon is not None]
+    return np.vstack([rig.T_rig_cam[None, :3, 3], *polygons])

@@ -1,0 +1,107 @@
+"""`facetcam design`: its files, the shipped designs, and its manners with bad input."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import Facetcam, only_line
+
+from facetcam.rig import Rig
+
+DESIGNS = Path(__file__).parents[2] / "examples" / "designs"
+FEW = "tolerance: {builds: 3}\n"
+
+
+@pytest.fixture
+def drawing(tmp_path: Path) -> Path:
+    path = tmp_path / "drawing.yaml"
+    path.write_text("family: {}\ncamera: {width: 400, height: 300, focal: 312}\n" + FEW)
+    return path
+
+
+def test_a_drawing_becomes_a_rig_and_its_report(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = facetcam("design", drawing, "--out", out)
+    assert result.exit_code == 0, result.output
+    assert sorted(p.name for p in out.iterdir()) == ["design.json", "design.yaml", "report.html", "rig.yaml"]
+    assert Rig.load(out / "rig.yaml").view_names == ("front", "left", "back", "right")
+    found = json.loads((out / "design.json").read_text())
+    assert found["horizon_share"] == pytest.approx(0.324, abs=0.005)
+    assert set(found["views"]) == {"front", "left", "back", "right"}
+    page = (out / "report.html").read_text()
+    assert page.count("<svg") == 7 and "not one single view point" in page
+    assert not re.search(r"\bnan\b|\binf\b|mathdefault", page)
+    again = facetcam("design", out / "design.yaml", "--out", tmp_path / "again", "--no-tolerance")
+    assert again.exit_code == 0, again.output
+    assert (tmp_path / "again" / "rig.yaml").read_text() == (out / "rig.yaml").read_text()
+
+
+def test_a_search_writes_what_it_found(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:
+    drawing.write_text(drawing.read_text() + "search: {generations: 3, population: 4}\n")
+    out = tmp_path / "out"
+    result = facetcam(
+        "design", drawing, "--search", "--goal", "coverage=1,baseline=0.2", "--no-tolerance", "--out", out
+    )
+    assert result.exit_code == 0, result.output
+    found = json.loads((out / "design.json").read_text())["search"]
+    weighed = {k: found[k]["coverage"] + 0.2 * found[k]["baseline"] / 0.1 for k in ("best", "start")}
+    assert weighed["best"] >= weighed["start"]
+    assert "The search" in (out / "report.html").read_text()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(p.name for p in DESIGNS.glob("*.yaml") if "rig" not in p.name))
+def test_the_shipped_designs(facetcam: Facetcam, name: str, tmp_path: Path) -> None:
+    result = facetcam("design", DESIGNS / name, "--no-tolerance", "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    found = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert all(view["solid_angle"] > 0.01 for view in found["views"].values())
+    if name == "stereo-adapter.yaml":
+        assert found["overlap_share"] > 0.01  # what a stereo pair is for
+        centres = np.array([view["centre"] for view in found["views"].values()])
+        assert np.linalg.norm(centres[0] - centres[1]) == pytest.approx(0.047, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("family: {radios: 0.1}", "did you mean 'radius'"),
+        ("family: {depth: 0.07}", "cross each other"),
+        ("family: {camera_height: 0.079}\ncamera: {focal: 1250}", "stands in mirror"),
+        ("family: {depth: 0}", "no area"),
+        ("family: {}\nrig: preset:ryu", "either family"),
+        ("{}", "either family"),
+        ("rig: nowhere.yaml", "nowhere.yaml"),
+        ("family: {}\ncamera: {focal: -3}", "must be positive"),
+        ("family: {}\noptics: {f_number: 0}", "above zero"),
+        ("family: {}\nbody: {width: -1}", "above zero"),
+        ("family: {}\nsearch: {goal: {coverage: -1}}", "zero or more"),
+        ("family: 3", "expected keys"),
+        ("- 1", "expected keys"),
+        ("family: {fold: false, depth: null, aspect: 1, camera_height: .nan}", "finite"),
+    ],
+)
+def test_bad_drawings_are_one_line(facetcam: Facetcam, text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text(text)
+    line = only_line(facetcam("design", tmp_path / "bad.yaml", "--out", tmp_path / "out"))
+    assert words in line
+    assert not (tmp_path / "out").exists()
+
+
+def test_bad_wishes_are_one_line(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:
+    for goal, words in (
+        ("coverige", "not one of"),
+        ("coverage=much", "not a number"),
+        ("coverage=-1", "zero or"),
+    ):
+        line = only_line(facetcam("design", drawing, "--search", "--goal", goal, "--out", tmp_path / "out"))
+        assert words in line
+    assert facetcam("design", drawing, "--goal", "coverage").exit_code == 2
+    line = only_line(facetcam("design", "preset:table", "--search", "--out", tmp_path / "out"))
+    assert "give a family" in line
+    line = only_line(facetcam("design", tmp_path / "none.yaml", "--out", tmp_path / "out"))
+    assert "cannot be read" in line
