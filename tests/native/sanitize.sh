@@ -1,5 +1,5 @@
 #!/bin/sh
-# Compile the feature kernels with AddressSanitizer and UBSan, run the fuzz driver. Usage: sanitize.sh BUILD_FOLDER
+# Compile the kernels with AddressSanitizer and UBSan, run the fuzz drivers. Usage: sanitize.sh BUILD_FOLDER
 set -eu
 root=$(cd "$(dirname "$0")/../.." && pwd)
 mkdir -p "$1"
@@ -26,3 +26,10 @@ for source in cpp/parallel cpp/corner_kernels cpp/corner_kernels_baseline cpp/co
 done
 ${CXX:-c++} $flags $objects -o fuzz_features
 ./fuzz_features
+
+objects=""
+for source in cpp/parallel cpp/skyline cpp/bundle cpp/bundle_errors cpp/bundle_system cpp/pose tests/native/fuzz_bundle; do
+    compile $source
+done
+${CXX:-c++} $flags $objects -o fuzz_bundle
+./fuzz_bundle

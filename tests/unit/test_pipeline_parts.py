@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from facetcam.errors import OutputError
+from facetcam.io.frames import Frame
 from facetcam.pipelines.pictures import EvenSample
 from facetcam.pipelines.progress import keeping, total_frames
+from facetcam.pipelines.slam import when_due
 from facetcam.pipelines.summary import to_json
 
 
@@ -65,3 +69,16 @@ def test_the_reason_is_given() -> None:
         with pytest.raises(type(error)), keeping(Path("out"), reasons.append):
             raise error
     assert reasons == ["stopped by the user", "disk full", "ValueError: odd"]
+
+
+def test_frames_come_when_they_are_due_and_late_ones_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a clock that sleeping alone moves, but for one frame whose use takes 0.35 s."""
+    now = [100.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(time, "sleep", lambda seconds: now.__setitem__(0, now[0] + seconds))
+    frames = [Frame(k, 7.0 + 0.1 * k, np.zeros((2, 2), np.uint8), str(k)) for k in range(7)]
+    came = []
+    for frame in when_due(frames):
+        came.append(round(now[0] - 100.0, 6))
+        now[0] += 0.35 if frame.index == 1 else 0.0
+    assert came == [0.0, 0.1, 0.45, 0.45, 0.45, 0.5, 0.6]
