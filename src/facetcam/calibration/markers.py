@@ -132,9 +132,9 @@ def _agreements(flat: Array, quads: Array, board: Board) -> NDArray[np.bool_]:
     centres = flat.mean(axis=1)
     apart = np.linalg.norm(centres[:, None] - centres[None], axis=2)
     near = (apart > 0.5 * board.square) & (apart < _REACH * board.square)
-    for i, j in zip(*np.nonzero(np.triu(near))):
-        pair = [int(i), int(j)]
-        agree[i, j] = agree[j, i] = _misfit(flat[pair], quads[pair]) <= _TOLERANCE
+    i, j = np.nonzero(np.triu(near))
+    pairs = np.stack([i, j], axis=1)
+    agree[i, j] = agree[j, i] = _misfits(flat[pairs], quads[pairs]) <= _TOLERANCE
     return agree
 
 
@@ -159,7 +159,7 @@ def _grown(
             known = [members[k] for k in order]
             # The candidate takes part in the fit: four corners of one marker alone would predict badly.
             both = [*known, int(candidate)]
-            if _misfit(flat[both], quads[both]) <= _TOLERANCE:
+            if _misfits(flat[None, both], quads[None, both])[0] <= _TOLERANCE:
                 members.append(int(candidate))
                 open_[candidate] = False
                 joined = True
@@ -168,35 +168,66 @@ def _grown(
     return members
 
 
-def _misfit(plane: Array, quads: Array) -> float:
-    """Largest distance, in marker sides, between quads and where one homography puts them."""
-    H = homography(plane.reshape(-1, 2), quads.reshape(-1, 2))
-    if H is None:
-        return np.inf
-    sides = np.linalg.norm(quads - np.roll(quads, 1, axis=1), axis=2).mean(axis=1)
-    off = np.linalg.norm(project(H, plane.reshape(-1, 2)).reshape(-1, 4, 2) - quads, axis=2)
-    return float((off / (sides[:, None] + 4.0)).max())  # and 0.6 pixels, which tiny markers need
+def _misfits(plane: Array, quads: Array) -> Array:
+    """Largest distance (P,), in marker sides, of quads (P, M, 4, 2) from where one homography puts them."""
+    count, markers = plane.shape[:2]
+    H = homographies(plane.reshape(count, 4 * markers, 2), quads.reshape(count, 4 * markers, 2))
+    sides = np.linalg.norm(quads - np.roll(quads, 1, axis=2), axis=3).mean(axis=2)
+    at = _projected(H, plane.reshape(count, 4 * markers, 2)).reshape(count, markers, 4, 2)
+    off = np.linalg.norm(at - quads, axis=3)
+    misfits: Array = (off / (sides[:, :, None] + 4.0)).max(axis=(1, 2))  # and 0.6 pixels for tiny markers
+    return misfits
 
 
 def homography(plane: Array, pixels: Array) -> Array | None:
-    """Homography from board (N, 2) to pixels (N, 2) by least squares; None where there is none."""
-    scale = max(float(np.ptp(plane, axis=0).max()), 1e-12)
-    H, _ = cv2.findHomography((plane - plane.mean(axis=0)) / scale, pixels, 0)
-    if H is None or not np.all(np.isfinite(H)):
-        return None
-    middle = plane.mean(axis=0)
-    normalise = np.array(
-        [[1 / scale, 0, -middle[0] / scale], [0, 1 / scale, -middle[1] / scale], [0, 0, 1.0]]
-    )
-    return np.asarray(H @ normalise)
+    """Homography from board (N, 2) to pixels (N, 2) by linear least squares; None where there is none."""
+    H = homographies(plane[None], pixels[None])[0]
+    return H if np.all(np.isfinite(H)) else None
+
+
+def homographies(plane: Array, pixels: Array) -> Array:
+    """Homographies (P, 3, 3) of P sets of N > 3 points each; NaN where the points fix none."""
+    to_unit, (x, y) = _normalised(plane)
+    from_unit, (u, v) = _normalised(pixels)
+    one, none = np.ones_like(x), np.zeros_like(x)
+    rows_u = np.stack([x, y, one, none, none, none, -u * x, -u * y], axis=2)
+    rows_v = np.stack([none, none, none, x, y, one, -v * x, -v * y], axis=2)
+    A, b = np.concatenate([rows_u, rows_v], axis=1), np.concatenate([u, v], axis=1)
+    # The middle of the points is in sight, so that the last element is not zero there.
+    normal = np.swapaxes(A, 1, 2) @ A
+    fixed = np.linalg.cond(normal) < 1e13
+    normal[~fixed] = np.eye(8)
+    h = np.linalg.solve(normal, np.swapaxes(A, 1, 2) @ b[..., None])[..., 0]
+    H = np.concatenate([h, np.ones((len(h), 1))], axis=1).reshape(-1, 3, 3)
+    H = np.linalg.inv(from_unit) @ H @ to_unit
+    H[~fixed] = np.nan
+    return np.asarray(H, dtype=np.float64)
+
+
+def _normalised(points: Array) -> tuple[Array, Array]:
+    """Maps (P, 3, 3) that bring points (P, N, 2) to the middle and to size one, and the points (2, P, N)."""
+    middle = points.mean(axis=1)
+    scale = 1.0 / np.maximum(np.abs(points - middle[:, None]).mean(axis=(1, 2)), 1e-12)
+    T = np.zeros((len(points), 3, 3))
+    T[:, 0, 0] = T[:, 1, 1] = scale
+    T[:, :2, 2] = -middle * scale[:, None]
+    T[:, 2, 2] = 1.0
+    moved = (points - middle[:, None]) * scale[:, None, None]
+    return T, np.moveaxis(moved, 2, 0)
 
 
 def project(H: Array, points: Array) -> Array:
-    """Points (N, 2) through a homography; points beyond its horizon go to infinity."""
-    x = np.column_stack([points, np.ones(len(points))]) @ H.T
+    """Points (N, 2) through a homography; points beyond its horizon go far away."""
+    mapped: Array = _projected(H[None], points[None])[0]
+    return mapped
+
+
+def _projected(H: Array, points: Array) -> Array:
+    """Points (P, N, 2) through homographies (P, 3, 3)."""
+    x = points @ np.swapaxes(H[:, :, :2], 1, 2) + H[:, None, :, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
-        mapped: Array = x[:, :2] / x[:, 2:]
-    return np.where(np.isfinite(mapped), mapped, 1e9)
+        mapped: Array = x[..., :2] / x[..., 2:]
+    return np.asarray(np.where(np.isfinite(mapped), mapped, 1e9))
 
 
 def _overlap(group: Group, other: Group) -> bool:
