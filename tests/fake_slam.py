@@ -26,6 +26,8 @@ class FakeSlam:
     dropped = 0
     scale_sigma = np.inf
     rig_check = SimpleNamespace(complaint="")
+    grown = False
+    loops = 0
 
     def __init__(self, rig: object, config: object) -> None:
         self.seen: list[float] = []

@@ -21,3 +21,7 @@ class SourceError(FacetcamError):
 
 class OutputError(FacetcamError):
     """A result that cannot be written."""
+
+
+class MapError(FacetcamError):
+    """A map that cannot be used: missing, damaged, foreign, newer, or of another rig."""

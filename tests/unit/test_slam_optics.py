@@ -119,3 +119,19 @@ def test_roll_is_the_direction_of_level_on_the_raw_frame(optics: Optics) -> None
         assert visible.all()
         angle = np.degrees(np.arctan2(*(b - a)[::-1]))
         assert (angle - optics.roll_degrees[index] + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_plumb_line_is_upright_wherever_it_is_seen(optics: Optics, points: Array) -> None:
+    """A step up goes 90 degrees before the upright angle, or after it in a mirror image."""
+    rays = points / np.linalg.norm(points, axis=1, keepdims=True)
+    level = points[np.abs(rays[:, 2]) < 0.8]
+    for index, name in enumerate(optics.rig.view_names):
+        foot, visible = optics.rig.project(name, level)
+        top, _ = optics.rig.project(name, level + np.array([0.0, 0.0, 1e-4]))
+        rows = visible & (optics.view_of(foot) == index)
+        assert rows.sum() > 20
+        views = np.full(rows.sum(), index, np.int8)
+        expected = np.degrees(np.arctan2(*(top - foot)[rows].T[::-1]))
+        expected += -90.0 if optics.flipped[index] else 90.0
+        away = (optics.upright_degrees(foot[rows], views) - expected + 180.0) % 360.0 - 180.0
+        assert np.abs(away).max() < 0.5

@@ -16,6 +16,7 @@ from facetcam.cli.detect import detect
 from facetcam.cli.evaluate_detectors import detectors
 from facetcam.cli.evaluate_trajectory import trajectory
 from facetcam.cli.failures import DEBUG, in_one_line
+from facetcam.cli.map import info
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
 
@@ -26,6 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+maps = typer.Typer(help="Look into saved maps.", no_args_is_help=True)
 evaluate = typer.Typer(help="Compare results with the truth.", no_args_is_help=True)
 
 
@@ -51,6 +53,8 @@ for command in (demo, slam, unwrap, boards, calibrate, detect, design):
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))
 app.add_typer(evaluate, name="evaluate")
+maps.command()(in_one_line(info))
+app.add_typer(maps, name="map")
 
 
 def main() -> None:

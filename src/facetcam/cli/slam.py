@@ -34,6 +34,13 @@ def slam(
         Path | None, typer.Option(help="True trajectory (TUM) to measure the errors against.")
     ] = None,
     out: OutOption = None,
+    map_path: Annotated[
+        Path | None,
+        typer.Option("--map", help="Map to go on in and extend, or to make (default: in the --out folder)."),
+    ] = None,
+    localize: Annotated[
+        bool, typer.Option("--localize", help="Only find the way in --map; the map stays as it is.")
+    ] = False,
     config: Annotated[Path | None, typer.Option(help="Settings of tracking and mapping, YAML.")] = None,
     fps: FpsOption = None,
     max_frames: MaxFramesOption = None,
@@ -44,6 +51,8 @@ def slam(
     """Track a film: trajectory, map and report."""
     from facetcam.pipelines import run_slam
 
+    if localize and map_path is None:
+        raise typer.BadParameter("--localize needs --map")
     folder = output_folder(out, Path(source).stem)
     with progress_bar("tracking") as progress:
         summary = run_slam(
@@ -53,6 +62,8 @@ def slam(
             odometry=odometry,
             truth=truth,
             settings=config,
+            map_path=map_path,
+            localize=localize,
             fps=fps,
             max_frames=max_frames,
             real_time=real_time,
@@ -62,11 +73,15 @@ def slam(
         warn(warning)
     print_pairs("slam", summary_rows(summary))
     if summary.tracked == 0:
-        raise SourceError(f"{summary.source}: no frame could be tracked; {likely_cause(summary.frames)}")
+        raise SourceError(
+            f"{summary.source}: no frame could be tracked; {likely_cause(summary.frames, map_path)}"
+        )
 
 
-def likely_cause(frames: int) -> str:
+def likely_cause(frames: int, map_path: Path | None = None) -> str:
     """What to look at when nothing was tracked."""
+    if map_path is not None and map_path.exists():
+        return f"is it dark or blank, is this place in {map_path}?"
     if frames < 2:
         return "a single frame shows no motion; give a film"
     return "is it dark or blank, does the camera stand still, is this its rig?"
@@ -84,6 +99,10 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         ("speed", f"{summary.frames_per_second:.1f} frames/s, decoding included"),
         ("peak memory", f"{summary.peak_memory_mb:.0f} MB"),
     ]
+    if summary.saved_map is not None:
+        rows.append(("map", str(summary.saved_map)))
+    if summary.loops:
+        rows.append(("loop closed", "once" if summary.loops == 1 else f"{summary.loops} times"))
     if summary.errors is not None:
         rows += [
             ("ATE, rigid alignment", f"{summary.errors.ate.rmse:.4f} m"),

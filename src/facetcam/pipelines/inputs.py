@@ -14,6 +14,7 @@ from facetcam.io.odometry import Odometry, read_odometry
 from facetcam.io.sources import Source, open_source
 from facetcam.io.trajectories import read_tum
 from facetcam.pipelines.progress import total_frames
+from facetcam.pipelines.slam_maps import NEW_MAP, MapChoice
 from facetcam.rig import Rig
 from facetcam.slam import SlamConfig
 
@@ -30,6 +31,7 @@ class SlamInputs:
     config: SlamConfig
     odometry: Odometry | None
     truth: tuple[Array, Array] | None
+    maps: MapChoice = NEW_MAP
 
     def odometry_at(self, time: float) -> tuple[float, float, float] | None:
         """Odometry x, y, yaw at a frame's time, None where there is none."""
@@ -44,8 +46,10 @@ def read_slam_inputs(
     settings: Path | str | None,
     fps: float | None,
     max_frames: int | None,
+    maps: MapChoice = NEW_MAP,
 ) -> SlamInputs:
     """Read all inputs of `run_slam`, the film last; raises FacetcamError if one is wrong or does not fit."""
+    maps.check()
     rig = Rig.load(rig_path)
     config = load_config(SlamConfig, settings)
     wheels = read_odometry(odometry) if odometry is not None else None
@@ -54,7 +58,7 @@ def read_slam_inputs(
     require_size(film, rig)
     if wheels is not None:
         require_cover(wheels, film, max_frames)
-    return SlamInputs(film, Path(rig_path), rig, config, wheels, true_path)
+    return SlamInputs(film, Path(rig_path), rig, config, wheels, true_path, maps)
 
 
 def require_size(film: Source, rig: Rig) -> None:

@@ -14,6 +14,7 @@ from facetcam.io.frames import Frame
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
 from facetcam.pipelines.progress import Progress, keeping, silent, total_frames
+from facetcam.pipelines.slam_maps import MapChoice, MapKeeper
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.slam_results import SlamResults, write_results
 from facetcam.pipelines.summary import Summary
@@ -28,6 +29,8 @@ def run_slam(
     odometry: Path | str | None = None,
     truth: Path | str | None = None,
     settings: Path | str | None = None,
+    map_path: Path | str | None = None,
+    localize: bool = False,
     fps: float | None = None,
     max_frames: int | None = None,
     real_time: bool = False,
@@ -51,6 +54,10 @@ def run_slam(
         True trajectory (TUM) to compare with.
     settings : path, optional
         YAML file of `SlamConfig`.
+    map_path : path, optional
+        Map to go on in and to extend, or a new one to make; without it the map is written into `out`.
+    localize : bool
+        Only tell where the rig is in the map of `map_path`, and leave the map as it is.
     fps : float, optional
         Frame rate that replaces the source's own times.
     max_frames : int, optional
@@ -67,7 +74,8 @@ def run_slam(
         turns out damaged or a result cannot be written.
     """
     require_absent(out)
-    inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames)
+    maps = MapChoice(None if map_path is None else Path(map_path), localize)
+    inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames, maps)
     if real_time:
         inputs = replace(inputs, config=replace(inputs.config, real_time=True))
     return track_film(inputs, out, max_frames, progress).summary
@@ -78,17 +86,20 @@ def track_film(
 ) -> SlamResults:
     """Do the work of `run_slam` on inputs that were read and checked."""
     slam = Slam(inputs.rig, inputs.config)
+    inputs.maps.load_into(slam)
     with (
         inputs.source,
         SlamRecord(fresh_folder(out), inputs.rig.view_names) as record,
         keeping(record.folder, lambda reason: write_results(record, slam, inputs, reason)),
         closing(slam),
     ):
+        keeper = MapKeeper(slam, inputs.maps, record.folder)
         frames = islice(inputs.source, max_frames)
         for frame in when_due(frames) if inputs.config.real_time else frames:
             state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
             record.add(frame, state)
             require_fit(slam, state)
+            keeper.after_frame()
             progress(record.frames, total_frames(inputs.source.count, max_frames))
         slam.finish()
         return write_results(record, slam, inputs)

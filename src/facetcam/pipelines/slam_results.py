@@ -17,6 +17,7 @@ from facetcam.io.outputs import atomic_write
 from facetcam.io.ply import write_ply
 from facetcam.io.trajectories import write_tum
 from facetcam.pipelines.inputs import SlamInputs
+from facetcam.pipelines.slam_maps import MapKeeper
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.summary import Summary
 from facetcam.slam import Slam, Status
@@ -49,7 +50,9 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     path = slam.trajectory()
     write_tum(record.folder / "trajectory.tum", *path)
     write_ply(record.folder / "map.ply", *slam.cloud())
-    summary = summarise(record, slam, inputs, path, seconds, interrupted)
+    keeper = MapKeeper(slam, inputs.maps, record.folder)
+    saved = keeper.path if keeper.save() else None
+    summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)
     atomic_write(record.folder / "summary.json", summary.to_json())
     report = make_report(record, slam, inputs, path, summary)
     write_slam_report(report, summary.report)
@@ -57,7 +60,13 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
 
 
 def summarise(
-    record: SlamRecord, slam: Slam, inputs: SlamInputs, path: Trajectory, seconds: float, interrupted: str
+    record: SlamRecord,
+    slam: Slam,
+    inputs: SlamInputs,
+    path: Trajectory,
+    seconds: float,
+    interrupted: str,
+    saved_map: Path | None,
 ) -> Summary:
     """The run in numbers."""
     warnings = [*inputs.source.warnings, *filter(None, [slam.rig_check.complaint])]
@@ -80,6 +89,8 @@ def summarise(
         scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
+        loops=slam.loops,
+        saved_map=saved_map,
         path_length=evaluation.path_length(path[1][:, :3, 3]),
         seconds=seconds,
         frames_per_second=record.frames / seconds,
@@ -158,6 +169,9 @@ def facts(summary: Summary) -> dict[str, str]:
     }
     if summary.errors is not None:
         rows["scale error"] = f"{100 * summary.errors.scale_error:+.2f} %"
+    rows["loops closed"] = str(summary.loops)
+    if summary.saved_map is not None:
+        rows["map"] = str(summary.saved_map)
     return rows | {f"warning {i}": text for i, text in enumerate(summary.warnings, start=1)}
 
 

@@ -18,7 +18,8 @@ class Summary:
 
     `tracked` counts frames whose pose was measured, those of the start included, which are solved backwards;
     `scale_sigma` is relative, None where the scale is unknown; `frames_per_second` includes decoding and the
-    last adjustment; `errors` need a true trajectory.
+    last adjustment; `loops` counts returns to a place that were recognised and closed;
+    `saved_map` is None where the run did not add to a map; `errors` need a true trajectory.
     """
 
     source: str
@@ -31,6 +32,8 @@ class Summary:
     scale_sigma: float | None
     keyframes: int
     map_points: int
+    loops: int
+    saved_map: Path | None
     path_length: float
     seconds: float
     frames_per_second: float

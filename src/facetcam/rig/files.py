@@ -71,7 +71,7 @@ def read_rig(path: Path) -> Rig:
         rig that cannot be: see `Rig` and `Rig.check`.
     """
     try:
-        rig = _rig(read_yaml(path))
+        rig = from_document(read_yaml(path))
         rig.check()
     except ConfigError as error:
         raise RigError(str(error) if str(error).startswith(f"{path}:") else f"{path}: {error}") from error
@@ -82,7 +82,7 @@ def read_rig(path: Path) -> Rig:
 
 def write_rig(rig: Rig, path: Path) -> None:
     """Write a rig file; an existing file is not replaced."""
-    text = yaml.safe_dump(_document(rig), sort_keys=False, default_flow_style=None, width=120)
+    text = yaml.safe_dump(document(rig), sort_keys=False, default_flow_style=None, width=120)
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -94,11 +94,12 @@ def write_rig(rig: Rig, path: Path) -> None:
 
 def digest(rig: Rig) -> str:
     """SHA-256 of everything that a rig file says, as hexadecimal."""
-    return hashlib.sha256(json.dumps(_document(rig)).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(document(rig)).encode()).hexdigest()
 
 
-def _rig(document: object) -> Rig:
-    sections = _named(document, "rig", lambda name, node: node)
+def from_document(node: object) -> Rig:
+    """Make a rig from the content of its file; raises RigError or ConfigError if it does not fit."""
+    sections = _named(node, "rig", lambda name, node: node)
     for key, content in sections.items():
         _check_range(content, key)
         if key not in ("camera", "mirrors", "views"):
@@ -158,7 +159,8 @@ def _view(name: str, node: object) -> View:
     return View(entry.mirrors, None if entry.region is None else np.array(entry.region))
 
 
-def _document(rig: Rig) -> dict[str, Any]:
+def document(rig: Rig) -> dict[str, Any]:
+    """All that the rig's file says, as plain lists, names and numbers."""
     camera = rig.camera
     return {
         "camera": {

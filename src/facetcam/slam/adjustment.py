@@ -108,7 +108,12 @@ class Adjuster:
         motions = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
         for j in range(max(1, n_fixed), len(keyframes)):
             a, b = keyframes[j - 1], keyframes[j]
-            if b.index == a.index + 1 and a.odometry is not None and b.odometry is not None:
+            if (
+                b.index == a.index + 1
+                and b.session == a.session
+                and a.odometry is not None
+                and b.odometry is not None
+            ):
                 T_a_b, covariance = planar_motion(a.odometry, b.odometry, self._config.odometry_sigma)
                 motions.append(RelativePose(j - 1, j, T_a_b, covariance))
         return motions

@@ -88,8 +88,8 @@ def _grey_bytes(image: NDArray[np.generic]) -> Image:
 class CornerFinder:
     """SIICF corners in the valid pixels of all views, with descriptors that know which way is up.
 
-    A view's roll on the sensor is known from the rig, so it is taken out of the descriptor, and odd chains
-    are described as the mirror images that they are.
+    Which way is up at a pixel is known from the rig, so the turn is taken out of the descriptor, and odd
+    chains are described as the mirror images that they are.
     """
 
     def __init__(self, optics: Optics, max_features: int) -> None:
@@ -121,7 +121,8 @@ class CornerFinder:
             chosen = np.isin(views, np.flatnonzero(self._optics.flipped == flipped))
             if not chosen.any():
                 continue
-            roll = self._optics.roll_degrees[views[chosen]].astype(np.float32)
+            xy = keypoints.xy[chosen].astype(np.float64)
+            roll = self._optics.upright_degrees(xy, views[chosen]).astype(np.float32)
             upright = replace(keypoints[chosen], angle=roll)
             kept, descriptors = describe(grey, upright, flipped=flipped)
             xy = kept.xy.astype(np.float64)

@@ -67,6 +67,7 @@ class Keyframe:
     free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
     measured: int = 0  # points tracked when it was made
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
+    session: int = 0  # the run that made it; wheels and window do not reach over runs
 
 
 class Points:
@@ -148,6 +149,10 @@ class Map:
         """Forget everything."""
         self.points = Points()
         self.keyframes: list[Keyframe] = []
+
+    def poses(self) -> Array:
+        """Poses (K, 4, 4) of the keyframes."""
+        return np.array([k.T_world_rig for k in self.keyframes]).reshape(-1, 4, 4)
 
     def observed_points(self, keyframes: list[Keyframe]) -> Index:
         """Ids of living points that any of these keyframes saw."""

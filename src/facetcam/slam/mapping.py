@@ -42,6 +42,7 @@ class Mapper:
         self._config = config
         self._corners = corners
         self._adjuster = adjuster
+        self.session = 0
 
     def insert(
         self, frame: Frame, T_world_rig: Array, seen: Measurements, odometry: Array | None, gate: float
@@ -56,8 +57,9 @@ class Mapper:
             self._occupy(keyframe)
             window = self._adjuster.window
         for partner in reversed(window[-1 - _PARTNERS : -1]):
-            with lock:
-                self._triangulate(keyframe, partner, gate)
+            if partner.frame is not None:
+                with lock:
+                    self._triangulate(keyframe, partner, gate)
         for other in window:
             with lock:
                 self._refind(keyframe, other)
@@ -70,6 +72,7 @@ class Mapper:
     ) -> Keyframe:
         index = len(self._map.keyframes)
         keyframe = Keyframe(index, frame.timestamp, T_world_rig, corners, frame, odometry)
+        keyframe.session = self.session
         keyframe.free = np.ones(len(corners), dtype=bool)
         self._map.keyframes.append(keyframe)
         return keyframe

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.integer]
 
 _SAMPLES = 400
+_LEAST_UP = 0.3  # sine of the angle between a ray and up, below which up has no clear direction
 _STEEPEST = np.cos(np.radians(75.0))  # an ideal pinhole stretches pixels without bound beyond
 
 
@@ -50,6 +51,7 @@ class Optics:
             self._leave_out_steep_rays()
         self.T_rig_view = se3.inverse(self.T_view_rig)
         self.flipped = np.array([rig.is_flipped(name) for name in self.names])
+        self._up = np.stack([_up_axis(T[2, :3]) for T in self.T_view_rig])
         self.roll_degrees = np.array([self._roll(v) for v in range(self.n_views)])
 
     @property
@@ -65,8 +67,7 @@ class Optics:
         pick = np.linspace(0, len(rows) - 1, min(_SAMPLES, len(rows))).astype(int)
         origins, rays = self.rig.ray(self.names[view], np.column_stack([columns[pick], rows[pick]]))
         z = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
-        up = np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
-        x = np.cross(z, up)
+        x = np.cross(z, _up_axis(z))
         x /= np.linalg.norm(x)
         return se3.inverse(se3.from_rotation_translation(np.column_stack([x, np.cross(z, x), z]), origins[0]))
 
@@ -85,6 +86,19 @@ class Optics:
         centre = self.T_rig_view[view, :3, 3] + self.T_rig_view[view, :3, 2]
         x = self.jacobian(view, centre[None], 1e-3 * across[None])[0, :, 0]
         return float(np.degrees(np.arctan2(x[1], x[0])))
+
+    def upright_degrees(self, pixels: Array, views: Index) -> Array:
+        """Angles (N,) on the raw frame, in degrees, by which pixels' surroundings are turned from upright.
+
+        Upright means along the rig's up axis at this very ray, so a thing looks alike wherever in whichever
+        view it is seen. Rays along that axis take the roll of their view.
+        """
+        rays, origins = self.rays(pixels, views), self.origins(views)
+        up = self._up[views] - np.sum(self._up[views] * rays, axis=1, keepdims=True) * rays
+        seen = self.jacobians(views, origins + rays, np.repeat(1e-3 * up[:, :, None], 2, axis=2))[:, :, 0]
+        angle = np.degrees(np.arctan2(seen[:, 1], seen[:, 0])) + np.where(self.flipped[views], -90.0, 90.0)
+        along = np.linalg.norm(up, axis=1) < _LEAST_UP
+        return np.mod(np.where(along, self.roll_degrees[views], angle), 360.0)
 
     def view_of(self, pixels: Array) -> NDArray[np.int8]:
         """View index of raw pixels (N, 2); NO_VIEW off the frame, on seams and on dead pixels."""
@@ -142,6 +156,11 @@ class Optics:
         local = _rotated(T[:, :3, :3], points_rig) + T[:, :3, 3]
         depth = local[:, 2]
         return self.focal * local[:, :2] / np.where(np.abs(depth) < 1e-9, 1e-9, depth)[:, None], depth
+
+
+def _up_axis(z: Array) -> Array:
+    """Up of the rig, or its front where a view looks along up."""
+    return np.array([0.0, 0.0, 1.0]) if abs(z[2]) < 0.95 else np.array([0.0, 1.0, 0.0])
 
 
 def _rotated(rotations: Array, vectors: Array) -> Array:

@@ -7,11 +7,12 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from facetcam.errors import FacetcamError
+from facetcam.errors import FacetcamError, MapError
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
@@ -19,15 +20,20 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame, make_frame
 from facetcam.slam.keyframes import is_due, nearest_keyframe
 from facetcam.slam.map import Map
+from facetcam.slam.map_arrays import from_arrays, to_arrays
+from facetcam.slam.map_file import MapHeader, read_map, require_rig, write_map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
+from facetcam.slam.places import Places
+from facetcam.slam.relocalisation import Relocaliser
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.trust import Trust
 
 Array = NDArray[np.float64]
 
@@ -35,7 +41,6 @@ _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
 _YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
-_PROBATION = 5
 _MAX_STEPS = 3.0  # for which a motion is taken to go on
 
 
@@ -74,13 +79,16 @@ class Slam:
         self.rig = rig
         self.config = config or SlamConfig()
         self.scale_sigma = np.inf
+        self.loops = 0
         self.timing: dict[str, list[float]] = defaultdict(list)
         self._optics = Optics(rig, self.config.seam_margin)
         corners = CornerFinder(self._optics, self.config.features)
         self._map = Map()
         self._adjuster = Adjuster(self._map, self._optics, self.config)
         self._mapper = Mapper(self._map, self._optics, self.config, corners, self._adjuster)
-        self._tracker = Tracker(self._map, self._optics, self.config, corners)
+        self._places = Places()
+        relocaliser = Relocaliser(self._map, self._optics, self.config, corners, self._places)
+        self._tracker = Tracker(self._map, self._optics, self.config, corners, relocaliser)
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
         self.rig_check = RigCheck(self._optics, self.config, corners)
         self.dropped = 0
@@ -90,14 +98,14 @@ class Slam:
         self._pace = Pace()
         self._trajectory = Trajectory()
         self._last_timestamp = -np.inf
-        self._T_step, self._step = (
-            np.eye(4),
-            0.0,
-        )  # motion between the last two frames, and the seconds it took
+        self._T_step, self._step = np.eye(4), 0.0  # motion between the last two frames, seconds it took
         self._odometry: Array | None = None
         self._lost_frames = 0
-        self._probation = 0  # frames after a loss in which only a clear pose is believed
+        self._trust = Trust()
         self._next_global = _FIRST_GLOBAL
+        self._placed = False  # in the map, at least once in this run
+        self._continued = False  # a map of an earlier run
+        self._localise_only = False
 
     def track(self, image: NDArray[np.generic], timestamp: float, odometry: ArrayLike | None = None) -> State:
         """Take one raw frame and tell where the rig is.
@@ -152,17 +160,19 @@ class Slam:
             predicted = self._predict(frame.timestamp, odometry)
             with self._timed("track"):
                 fix = self._tracker.find(frame, predicted)
-            found = fix is not None and (fix.clear or not self._probation)
+            found = fix is not None and self._trust.believes(fix)
             due = fix is not None and found and self._accept(fix, frame.timestamp)
         if fix is None or not found:
             return self._miss(frame, predicted, odometry)
-        keyframe = due and not self._mapping.busy
+        keyframe = due and not self._localise_only and not self._mapping.busy
         if keyframe:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
-    def _predict(self, timestamp: float, odometry: Array | None) -> Array:
-        """Odometry where there is some, else the last motion at the same speed."""
+    def _predict(self, timestamp: float, odometry: Array | None) -> Array | None:
+        """Odometry where there is some, else the last motion on; None before the first pose."""
+        if not self._placed:
+            return None
         if odometry is not None and self._odometry is not None:
             return self._trajectory.last() @ planar_motion(self._odometry, odometry, 0.0)[0]
         steps = (timestamp - self._trajectory.last_timestamp) / self._step if self._step else 1.0
@@ -171,13 +181,14 @@ class Slam:
     def _accept(self, fix: Fix, timestamp: float) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
-        last = self._trajectory.last()
-        self._T_step = np.eye(4) if self._lost_frames else se3.inverse(last) @ fix.T_world_rig
-        self._step = timestamp - self._trajectory.last_timestamp
+        if self._placed:
+            step = se3.inverse(self._trajectory.last()) @ fix.T_world_rig
+            self._T_step = np.eye(4) if self._lost_frames else step
+            self._step = timestamp - self._trajectory.last_timestamp
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
         self._trajectory.add(timestamp, fix.T_world_rig, nearest)
-        self._lost_frames = 0
-        self._probation = max(self._probation - 1, 0)
+        self._lost_frames, self._placed = 0, True
+        self._trust.accept()
         return is_due(fix, nearest, distance, self.config)
 
     def _grow(self, frame: Frame, fix: Fix, odometry: Array | None) -> None:
@@ -186,6 +197,8 @@ class Slam:
             keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self.config.gate)
             with self._map.lock:
                 self._trajectory.rehang(keyframe)
+                for settled in self._map.keyframes[self._places.indexed : -self.config.window]:
+                    self._places.add(settled)
             if len(self._map.keyframes) >= self._next_global:
                 self._adjust_all()
 
@@ -198,14 +211,15 @@ class Slam:
         self.scale_sigma = self._adjuster.scale_sigma()
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
-    def _miss(self, frame: Frame, predicted: Array, odometry: Array | None) -> State:
+    def _miss(self, frame: Frame, predicted: Array | None, odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._lost_frames += 1
-        self._probation = _PROBATION
+        self._trust.lose()
         n_points = self._n_points
-        if self._lost_frames > _PATIENCE and len(self._map.keyframes) < _YOUNG:
+        young = len(self._map.keyframes) < _YOUNG and not self._continued
+        if self._lost_frames > _PATIENCE and young:
             return self._start_again(frame, odometry)
-        if odometry is None or self._odometry is None:
+        if predicted is None or odometry is None or self._odometry is None:
             return State(frame.timestamp, Status.LOST, map_points=n_points)
         with self._map.lock:
             self._trajectory.add(frame.timestamp, predicted, self._map.keyframes[-1])
@@ -215,6 +229,7 @@ class Slam:
         """A map that fails this early was wrong: forget it with its poses."""
         self._mapping.wait()
         self._map.clear()
+        self._places.clear()
         self._trajectory.clear()
         self.scale_sigma, self._next_global, self._lost_frames = np.inf, _FIRST_GLOBAL, 0
         return self._start(frame, odometry)
@@ -230,7 +245,7 @@ class Slam:
         for timestamp, T in [*start.solved, (start.first.timestamp, start.first.T_world_rig)]:
             self._trajectory.add(timestamp, T, start.first)
         self._trajectory.add(frame.timestamp, start.last.T_world_rig, start.last)
-        self._T_step, self._step = start.T_step, start.step
+        self._T_step, self._step, self._placed = start.T_step, start.step, True
         start.first.measured = start.last.measured = len(start.last.observations)
         return State(
             frame.timestamp,
@@ -265,12 +280,55 @@ class Slam:
         with self._calls, self._timed("finish"):
             self._mapping.wait()
             self._checking.wait()
-            self._adjust_all(last=True)
+            if not self._localise_only:
+                self._adjust_all(last=True)
 
     def close(self) -> None:
         """Wait until nothing grows the map any more: for runs that end early. The map stays."""
         self._mapping.join()
         self._checking.join()
+
+    def load_map(self, path: Path | str, localise_only: bool = False) -> MapHeader:
+        """Go on in a saved map: find the rig there, then extend the map or only tell where the rig is.
+
+        Parameters
+        ----------
+        path : path
+        localise_only : bool
+            Leave the map as it is.
+
+        Raises
+        ------
+        MapError
+            If the file cannot be used (missing, no map, newer, damaged, of another rig), or tracking began.
+        """
+        if self._map.keyframes or np.isfinite(self._last_timestamp):
+            raise MapError(f"{path}: a map is loaded before the first frame")
+        header, arrays = read_map(path)
+        require_rig(path, header, self.rig)
+        try:
+            from_arrays(arrays, self._map, self._places, self._optics)
+        except (KeyError, ValueError, TypeError) as error:
+            raise MapError(f"{path}: its parts contradict each other ({error}); map again") from error
+        self._continued, self._localise_only = True, localise_only
+        self._trust.lose()
+        self._mapper.session = header.sessions
+        self.scale_sigma = np.inf if header.scale_sigma is None else header.scale_sigma
+        self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
+        return header
+
+    def save_map(self, path: Path | str) -> None:
+        """Write the map as one file, in place of an older one; raises `OutputError` where it cannot."""
+        with self._map.lock:
+            arrays = to_arrays(self._map, self._places)
+            sessions = 1 + max((k.session for k in self._map.keyframes), default=-1)
+        header = MapHeader.of(self.rig, arrays, sessions, self.metric, self.scale_sigma, self.loops)
+        write_map(Path(path), header, arrays)
+
+    @property
+    def grown(self) -> bool:
+        """True where this run added to the map."""
+        return bool(self._map.keyframes) and self._map.keyframes[-1].session == self._mapper.session
 
     @property
     def metric(self) -> bool:
@@ -285,7 +343,7 @@ class Slam:
     def keyframe_poses(self) -> Array:
         """Poses (K, 4, 4) of the keyframes."""
         with self._map.lock:
-            return np.array([k.T_world_rig for k in self._map.keyframes]).reshape(-1, 4, 4)
+            return self._map.poses()
 
     def trajectory(self) -> tuple[Array, Array]:
         """Timestamps (N,) and best current poses (N, 4, 4) of all frames that have one, in time order."""

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features import match_mutual, match_windowed
+from facetcam.features import match_windowed
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, Predictions, measure, predict, thin
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
+from facetcam.slam.relocalisation import Relocaliser
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -22,6 +23,8 @@ Index = NDArray[np.int64]
 _NEAR_KEYFRAMES = 10
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
+_LIKELY = 0.3  # and one from afar, or with views that are dark or covered
+_SHARP = (1.0, 0.7)  # px, and the share of the measurements that fit a right pose so well
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,17 @@ class Fix:
         """Tell whether most of what was expected is there: look-alikes rarely agree so far."""
         return len(self.seen) >= _CLEAR * len(self.predictions)
 
+    @property
+    def likely(self) -> bool:
+        """Tell whether a good part of what was expected is there."""
+        return len(self.seen) >= _LIKELY * len(self.predictions)
+
+    @property
+    def sharp(self) -> bool:
+        """Tell whether the measurements agree far better than the gate asks: chance spreads them over it."""
+        width, share = _SHARP
+        return int(np.count_nonzero(self.pose.residuals < width)) >= share * len(self.seen)
+
 
 class Tracker:
     """Finds the pose of frames in the map.
@@ -52,17 +66,25 @@ class Tracker:
     optics : Optics
     config : SlamConfig
     corners : CornerFinder
+    relocaliser : Relocaliser
     """
 
-    def __init__(self, map: Map, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
+    def __init__(
+        self, map: Map, optics: Optics, config: SlamConfig, corners: CornerFinder, relocaliser: Relocaliser
+    ) -> None:
         self._map = map
         self._optics = optics
         self._config = config
         self._corners = corners
+        self._relocaliser = relocaliser
 
-    def find(self, frame: Frame, predicted: Array) -> Fix | None:
-        """Pose of a frame near a prediction; where patches agree poorly the descriptors are asked too."""
-        fix = self._locate(frame, predicted)
+    def find(self, frame: Frame, predicted: Array | None) -> Fix | None:
+        """Pose of a frame, near a prediction where there is one.
+
+        Where patches agree poorly the descriptors are asked too, first near their predictions, then at the
+        places of the map that look like the frame.
+        """
+        fix = None if predicted is None else self._locate(frame, predicted)
         if fix is not None and fix.clear:
             return fix
         other = self._relocate(frame, predicted)
@@ -97,27 +119,29 @@ class Tracker:
             return None
         return Fix(pose, expected, seen.take(fits))
 
-    def _relocate(self, frame: Frame, predicted: Array) -> Fix | None:
-        """Pose from corner descriptors: first near their predictions, then anywhere in the map."""
-        corners, config = self._corners(frame), self._config
-        for rows, candidates in self._matches(frame, predicted):
-            T, inliers = generalized_pose(
-                self._map.points.xyz[candidates],
-                corners.views[rows],
-                corners.plane[rows],
-                self._optics,
-                2.0 * config.gate,
-            )
-            if T is not None and inliers.sum() >= config.min_inliers:
-                fix = self._locate(frame, T)
-                if fix is not None:
-                    return fix
-        return None
+    def _relocate(self, frame: Frame, predicted: Array | None) -> Fix | None:
+        """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
+        best = None
+        for T in self._proposals(frame, predicted):
+            fix = self._locate(frame, T)
+            if fix is None:
+                continue
+            if fix.clear and fix.sharp:
+                return fix
+            if best is None or len(fix.seen) > len(best.seen):
+                best = fix
+        return best
 
-    def _matches(self, frame: Frame, predicted: Array) -> Iterator[tuple[Index, Index]]:
-        """Corner rows with the map points that look like them."""
-        points, config = self._map.points, self._config
-        corners = self._corners(frame)
+    def _proposals(self, frame: Frame, predicted: Array | None) -> Iterator[Array]:
+        if predicted is not None:
+            T = self._from_windows(frame, predicted)
+            if T is not None:
+                yield T
+        yield from self._relocaliser.propose(frame)
+
+    def _from_windows(self, frame: Frame, predicted: Array) -> Array | None:
+        """Pose from corners that look like map points expected near them."""
+        points, config, corners = self._map.points, self._config, self._corners(frame)
         expected = self._expect(predicted)
         hits = match_windowed(
             points.descriptor[expected.point],
@@ -130,10 +154,13 @@ class Tracker:
             max_distance=config.match_distance,
             ratio=config.match_ratio,
         )
-        rows = hits >= 0
-        yield hits[rows].astype(np.int64), expected.point[rows]
-        alive = np.flatnonzero(points.alive)
-        pairs = match_mutual(
-            corners.descriptors, points.descriptor[alive], config.match_ratio, config.match_distance
+        matched = hits >= 0
+        rows, points_seen = hits[matched], expected.point[matched]
+        T, inliers = generalized_pose(
+            points.xyz[points_seen],
+            corners.views[rows],
+            corners.plane[rows],
+            self._optics,
+            2.0 * config.gate,
         )
-        yield pairs[:, 0].astype(np.int64), alive[pairs[:, 1]]
+        return T if inliers.sum() >= config.min_inliers else None

@@ -1,0 +1,93 @@
+"""Where in the map a frame was taken, without any idea beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import CornerFinder, Corners, Frame
+from facetcam.slam.map import Map
+from facetcam.slam.optics import Optics
+from facetcam.slam.places import Places, Sightings, match_points
+from facetcam.slam.pose import generalized_pose
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_CANDIDATES = 4  # places tried in a frame
+_PLACE = 12  # keyframes that make up a place, at most
+_REACH = 0.3  # of the best score, which a keyframe of the same place has
+
+
+class Relocaliser:
+    """Proposes poses for frames: places that look alike, then one pose of all views from matched points.
+
+    Parameters
+    ----------
+    map : Map
+    optics : Optics
+    config : SlamConfig
+    corners : CornerFinder
+    places : Places
+    """
+
+    def __init__(
+        self, map: Map, optics: Optics, config: SlamConfig, corners: CornerFinder, places: Places
+    ) -> None:
+        self._map = map
+        self._optics = optics
+        self._config = config
+        self._corners = corners
+        self._places = places
+
+    def propose(self, frame: Frame) -> Iterator[Array]:
+        """Poses (4, 4) of the rig that many corners agree on, the likeliest place first."""
+        corners = self._corners(frame)
+        if len(corners) < self._config.min_inliers:
+            return
+        for sightings in self._likely(corners):
+            pose, matched = self.solve(corners, sightings)
+            if pose is not None and matched >= self._config.min_inliers:
+                yield pose
+
+    def _likely(self, corners: Corners) -> Iterator[Sightings]:
+        """What was seen at the places that resemble the frame, those of the last keyframes first."""
+        yield self._recent()
+        n = len(self._map.keyframes)
+        score = self._places.resembling(corners.descriptors, n, self._config.match_distance)
+        for group in self.groups(score)[:_CANDIDATES]:
+            yield self._places.of_keyframes(group)
+
+    def _recent(self) -> Sightings:
+        """Points of the keyframes that are not indexed yet, as they looked when they were found."""
+        ids = self._map.observed_points(self._map.keyframes[self._places.indexed :])
+        return Sightings(ids, np.full(len(ids), -1), self._map.points.descriptor[ids])
+
+    def groups(self, score: Array) -> list[Index]:
+        """Keyframes by place, best place first: a keyframe draws in those that share most of its points."""
+        score = score.copy()
+        groups: list[Index] = []
+        while len(groups) < _CANDIDATES and score.max(initial=0.0) > 0.0:
+            best = int(np.argmax(score))
+            near = self._map.near(self._map.keyframes[best].T_world_rig[:3, 3], _PLACE)
+            group = np.array([k.index for k in near if score[k.index] >= _REACH * score[best]])
+            groups.append(group)
+            score[[k.index for k in near]] = 0.0
+        return groups
+
+    def solve(self, corners: Corners, sightings: Sightings) -> tuple[Array | None, int]:
+        """Pose of a frame from corners that look like known points, and how many agree on it."""
+        config = self._config
+        sightings = sightings.take(self._map.points.alive[sightings.point])
+        rows, points = match_points(corners.descriptors, sightings, config.match_ratio, config.match_distance)
+        T, inliers = generalized_pose(
+            self._map.points.xyz[points],
+            corners.views[rows],
+            corners.plane[rows],
+            self._optics,
+            2.0 * config.gate,
+        )
+        return T, int(inliers.sum())
