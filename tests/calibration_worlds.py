@@ -71,7 +71,7 @@ def walk(rig: Rig, set: BoardSet, photos: int, seed: int = 0, fill: float = 0.9)
     }
     out = []
     for k in range(photos):
-        yaw = 2 * np.pi * k / photos * 3
+        yaw = 2.4 * k  # the golden angle: no two photos alike
         turn = np.r_[random.normal(0, 0.12, 2), yaw, random.normal(0, 0.12, 3)]
         turned = se3.exp(np.r_[0, 0, turn[2], 0, 0, 0])
         nudged = se3.exp(np.r_[turn[:2], 0, turn[3:]])

@@ -23,6 +23,9 @@ Index = NDArray[np.int64]
 _ASTRAY = 0.13  # radians by which mirrors off the drawing may displace a view on the sensor
 _TURN = np.radians(30.0)  # by which poses through different views may disagree before the solve
 _SHIFT = 0.4  # the same for their distance, as a share of it
+_SURE = 6.0  # growth of the odds of a view with the depth inside it
+_ROUNDS = 3  # of placing rigs by boards, and boards by rigs
+_HEAVIEST = 30  # corners; more make a sighting no surer
 _STEP = 4  # pixels between samples of the map of views
 _MOST = 200  # relations of two boards that are compared
 
@@ -31,13 +34,18 @@ _MOST = 200  # relations of two boards that are compared
 class Candidate:
     """A view in which a sighting may have been seen.
 
-    `depth` is how many pixels inside the view, as drawn, it lies; negative outside. `T_rig_board` is the
+    `depth` says how far inside the view, as drawn, it lies; negative outside. `T_rig_board` is the
     pose of its board if it was seen there.
     """
 
     view: int
     depth: float
     T_rig_board: Array
+
+    @property
+    def weight(self) -> float:
+        """How likely the place on the sensor makes it, against other views."""
+        return float(1.0 / (1.0 + np.exp(-_SURE * self.depth)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,16 +103,53 @@ def assign(
         keys, part = [(s.photo, s.board) for s in sightings], np.zeros(1, dtype=np.int64)
     stations = tuple(sorted(set(keys), key=lambda key: (key[0], -1 if key[1] is None else key[1])))
     station = np.array([stations.index(key) for key in keys], dtype=np.int64)
-    view = np.full(len(sightings), NO_VIEW, dtype=np.int64)
-    poses = np.tile(np.eye(4), (len(stations), 1, 1))
-    for p in range(len(stations)):
+    corners = [min(len(s), _HEAVIEST) for s in sightings]
+    for _ in range(_ROUNDS):
+        poses, view = _place_rigs(candidates, T_station_board, board, station, corners)
+        if boards.fixed:
+            T_station_board = _place_boards(candidates, T_station_board, board, poses[station], part)
+    return Assignment(view, board, station, T_station_board, poses, part, stations)
+
+
+def _place_rigs(
+    candidates: Sequence[list[Candidate]],
+    T_station_board: Array,
+    board: Index,
+    station: Index,
+    corners: Sequence[int],
+) -> tuple[Array, Index]:
+    """Pose of every station, and the view of every sighting, the boards given."""
+    view = np.full(len(candidates), NO_VIEW, dtype=np.int64)
+    poses = np.tile(np.eye(4), (int(station.max()) + 1, 1, 1))
+    for p in range(len(poses)):
         rows = np.flatnonzero(station == p).tolist()
         poses[p], view[rows] = _station(
             [candidates[i] for i in rows],
             [T_station_board[board[i]] for i in rows],
-            [len(sightings[i]) for i in rows],
+            [corners[i] for i in rows],
         )
-    return Assignment(view, board, station, T_station_board, poses, part, stations)
+    return poses, view
+
+
+def _place_boards(
+    candidates: Sequence[list[Candidate]],
+    T_station_board: Array,
+    board: Index,
+    T_rig_station: Array,
+    part: Index,
+) -> Array:
+    """Pose of every board, the rig poses of the sightings given; the first of each set stays."""
+    out = T_station_board.copy()
+    for b in set(np.unique(board).tolist()) - set(part.tolist()):
+        votes = _Votes()
+        for i in np.flatnonzero(board == b).tolist():
+            for c in candidates[i]:
+                votes.add(
+                    se3.inverse(T_rig_station[i]) @ c.T_rig_board, 2 * _distance(c.T_rig_board), c.weight
+                )
+        if votes.poses:
+            out[b] = votes.winner()[0]
+    return out
 
 
 class ViewDepths:
@@ -163,7 +208,7 @@ def _constellation(
     Returns the poses (B, 4, 4), and for each board the first board of its set.
     """
     relations = _relations(sightings, candidates)
-    voted = {pair: _vote(*found) for pair, found in relations.items()}
+    voted = {pair: votes.winner() for pair, votes in relations.items()}
     T = np.tile(np.eye(4), (count, 1, 1))
     part = np.arange(count)
     for pair in sorted(voted, key=lambda pair: (-voted[pair][1], pair)):
@@ -189,28 +234,45 @@ def _from_first(T: Array, part: Index) -> tuple[Array, Index]:
 
 def _relations(
     sightings: Sequence[Sighting], candidates: Sequence[list[Candidate]]
-) -> dict[tuple[int, int], tuple[list[Array], list[float]]]:
+) -> dict[tuple[int, int], _Votes]:
     """Where photos say that the second of two boards stands from the first, with distances to scale by."""
-    found: dict[tuple[int, int], tuple[list[Array], list[float]]] = {}
+    found: dict[tuple[int, int], _Votes] = {}
     for i, j in combinations(range(len(sightings)), 2):
         if sightings[i].photo != sightings[j].photo or sightings[i].board == sightings[j].board:
             continue
         a, b = (i, j) if sightings[i].board < sightings[j].board else (j, i)
-        poses, scales = found.setdefault((sightings[a].board, sightings[b].board), ([], []))
+        votes = found.setdefault((sightings[a].board, sightings[b].board), _Votes())
         for one in candidates[a]:
             for other in candidates[b]:
-                poses.append(se3.inverse(one.T_rig_board) @ other.T_rig_board)
-                scales.append(_distance(one.T_rig_board) + _distance(other.T_rig_board))
-    return {pair: content for pair, content in found.items() if content[0]}
+                distance = _distance(one.T_rig_board) + _distance(other.T_rig_board)
+                votes.add(
+                    se3.inverse(one.T_rig_board) @ other.T_rig_board, distance, one.weight * other.weight
+                )
+    return {pair: content for pair, content in found.items() if content.poses}
 
 
-def _vote(poses: list[Array], scales: list[float]) -> tuple[Array, int]:
-    """The pose on which most agree, and how many do."""
-    chosen = np.linspace(0, len(poses) - 1, min(len(poses), _MOST)).astype(np.int64)
-    T, scale = np.array(poses)[chosen], np.array(scales)[chosen]
-    agree = np.array([_agree(T, one, 0.5 * (scale + s)) for one, s in zip(T, scale)])
-    best = int(np.argmax(agree.sum(axis=1)))
-    return _mean(T[agree[best]]), int(agree[best].sum())
+class _Votes:
+    """Poses that sightings speak for, each with the distance it was seen over and a weight."""
+
+    def __init__(self) -> None:
+        self.poses: list[Array] = []
+        self._distances: list[float] = []
+        self._weights: list[float] = []
+
+    def add(self, pose: Array, distance: float, weight: float) -> None:
+        """Speak for a pose."""
+        self.poses.append(pose)
+        self._distances.append(distance)
+        self._weights.append(weight)
+
+    def winner(self) -> tuple[Array, float]:
+        """The pose that most speak for, and their weight."""
+        chosen = np.linspace(0, len(self.poses) - 1, min(len(self.poses), _MOST)).astype(np.int64)
+        T, distance, weight = (np.array(x)[chosen] for x in (self.poses, self._distances, self._weights))
+        agree = np.array([_agree(T, one, 0.5 * (distance + d)) for one, d in zip(T, distance)])
+        support = agree @ weight
+        best = int(np.argmax(support))
+        return _mean(T[agree[best]], weight[agree[best]]), float(support[best])
 
 
 def _station(
@@ -226,7 +288,7 @@ def _station(
             k = min(fitting, key=lambda k: _angle(group[k], trial), default=None)
             views.append(NO_VIEW if k is None else found[k].view)
             if k is not None:
-                score += weight * (1.0 + 0.5 * min(found[k].depth, 1.0))
+                score += weight * found[k].weight
                 members.append((group[k], weight))
         if score > best[0]:
             poses_in, weights = np.array([m[0] for m in members]), np.array([m[1] for m in members])

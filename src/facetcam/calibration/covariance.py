@@ -34,12 +34,15 @@ class Knowledge:
         Of the drawing.
     information : (F, F) array
         Of the photos alone, per tolerance squared: 1 is a photo set as good as the drawing.
+    noise : float
+        Pixels that a corner coordinate was taken to be good to.
     """
 
     names: tuple[str, ...]
     free: Index
     tolerance: Array
     information: Array
+    noise: float
 
     @cached_property
     def _eigen(self) -> tuple[Array, Array]:
@@ -51,6 +54,13 @@ class Knowledge:
         """Orthonormal directions (F, D), in units of the tolerance, that the photos leave open."""
         values, vectors = self._eigen
         return vectors[:, values < OPEN**-2]
+
+    @cached_property
+    def open_steps(self) -> Array:
+        """Steps (F, D) of one standard deviation along the open directions, SI units."""
+        values, _ = self._eigen
+        spread = 1.0 / np.sqrt(values[values < OPEN**-2] + 1.0)
+        return self.tolerance[:, None] * self.open_directions * spread
 
     @cached_property
     def covariance(self) -> Array:
@@ -80,7 +90,7 @@ def knowledge(fit: Fit, noise: float) -> Knowledge:
     free = np.flatnonzero(fit.free[: fit.state.first_board])
     tolerance = np.concatenate([fit.prior.tolerance, fit.state.optics.tolerance])[free]
     information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance
-    return Knowledge(names_of(fit), free, tolerance, information)
+    return Knowledge(names_of(fit), free, tolerance, information, noise)
 
 
 def names_of(fit: Fit) -> tuple[str, ...]:

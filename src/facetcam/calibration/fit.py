@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,8 @@ class Fit:
         Which board stands in each place of `state.T_station_board`; -1 where any does.
     part : (B,) int array
         For each place the first of the set of boards that were seen together.
+    moved : mapping of (photo, board) to int
+        Places of boards that were found to have moved in a set called fixed.
     """
 
     nominal: Rig
@@ -78,6 +80,7 @@ class Fit:
     stations: tuple[tuple[int, int | None], ...]
     places: tuple[int, ...]
     part: Index
+    moved: Mapping[tuple[int, int], int] = field(default_factory=dict)
 
     @property
     def camera(self) -> Camera:
@@ -116,8 +119,8 @@ class Fit:
             return None
         station = self.stations.index((sighting.photo, None))
         here = self.looks.board[self.looks.station == station]
-        known = self.part[sighting.board] in self.part[here]
-        return (sighting.board, station) if known else None
+        place = self.moved.get((sighting.photo, sighting.board), sighting.board)
+        return (place, station) if self.part[place] in self.part[here] else None
 
     def of_photos(self, photos: Sequence[int]) -> Fit:
         """The part of some photos, with the boards and the rig as they stand."""

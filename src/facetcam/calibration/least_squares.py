@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from facetcam.calibration.problem import Looks, State, linearise
@@ -15,7 +14,10 @@ Mask = NDArray[np.bool_]
 
 _LEAST_DAMPING = 1e-12
 _MOST_DAMPING = 1e10
+_RIDGE = 1e-13  # keeps a number that nothing touches where it is
 _FLAT = 1e-10  # relative drop of the cost at which a solve has converged
+_COARSE = (1e-6, 1e-4)  # the same under a loss up to, and beyond, so many pixels:
+_COARSE_LOSS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +131,7 @@ def minimise(
                 damping = max(damping / 10.0, _LEAST_DAMPING)
                 break
             damping *= 10.0
-        if dropped < _FLAT:
+        if dropped < (_FLAT if loss is None else _COARSE[loss > _COARSE_LOSS]):
             break
     return state
 
@@ -145,9 +147,8 @@ def _stepped(state: State, normal: Normal, free: Mask, damping: float) -> State:
     step = np.zeros(state.shared)
     if len(a):
         scale = 1.0 / np.sqrt(np.maximum(np.diag(normal.A), 1e-12))
-        step[free] = scale * scipy.linalg.solve(
-            scale[:, None] * A * scale + 1e-14 * np.eye(len(a)), scale * a, assume_a="sym"
-        )
+        scaled = scale[:, None] * A * scale + _RIDGE * np.eye(len(a))
+        step[free] = scale * np.linalg.solve(scaled, scale * a)
     return state.moved(step, right - into @ step[free])
 
 

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _TOUCHED = 0.1  # share of a group in the open directions from which it is named
 _LINKED = 0.05  # the same for two groups that are open only together
+_SMALL = 10.0  # noises of a corner: by less, an open direction moves no view against another
 _HARMLESS = 0.02  # of the movement that a direction causes, what remains after aligning rig frames
 
 
@@ -64,7 +65,7 @@ def _gauge(optics: MirrorOptics) -> list[Unknown]:
 def _loose_boards(fit: Fit, boards: BoardSet) -> list[Unknown]:
     if fit.places == (-1,):
         return []
-    seen = np.unique(fit.looks.board)
+    seen = [b for b in np.unique(fit.looks.board) if b < len(boards.boards)]  # not those that moved
     sets = [[boards.boards[b].name for b in seen if fit.part[b] == p] for p in np.unique(fit.part[seen])]
     if len(sets) < 2:
         return []
@@ -162,10 +163,9 @@ def _is_harmless(fit: Fit, known: Knowledge, rows: Sequence[int]) -> bool:
     """Tell whether the open directions of some numbers move no view against another."""
     inside = np.zeros(len(known.free), dtype=bool)
     inside[list(rows)] = True
-    directions = known.open_directions[:, np.linalg.norm(known.open_directions[inside], axis=0) > 0.5]
-    raw, aligned = (slopes @ (known.tolerance[:, None] * directions) for slopes in aligned_slopes(fit, known))
-    moved, left = np.sqrt(np.mean(raw**2)), np.sqrt(np.mean(aligned**2))
-    return bool(left < _HARMLESS * moved)
+    steps = known.open_steps[:, np.linalg.norm(known.open_directions[inside], axis=0) > 0.5]
+    raw, aligned = (np.sqrt(np.mean((slopes @ steps) ** 2)) for slopes in aligned_slopes(fit, known))
+    return bool(aligned < max(_HARMLESS * raw, _SMALL * known.noise))
 
 
 def _listed(names: Sequence[str], what: str) -> str:

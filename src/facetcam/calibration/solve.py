@@ -14,9 +14,10 @@ from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.covariance import knowledge, parameters_of
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
+from facetcam.calibration.intruders import with_moved_boards, without_other_cameras
 from facetcam.calibration.observability import unknowns
 from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed
-from facetcam.calibration.result import Calibration, FittedSighting
+from facetcam.calibration.result import Calibration, Finding, FittedSighting
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.start import poses_apart, usable
 from facetcam.errors import FacetcamError
@@ -68,14 +69,17 @@ def solve(
     for loss in _LOSSES[:2]:
         fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
     done()
-    fit, strange = reviewed(fit, boards, sightings)
+    fit, other = without_other_cameras(fit)
+    fit, moved = with_moved_boards(fit, boards)
+    here = set(fit.photos)
+    fit, strange = reviewed(fit, boards, [s for s in sightings if s.photo in here])
     done()
     fit = settled(fit)
     done()
     if look_again is not None:
         fit = settled(looked_again(fit, boards, look_again))
     done()
-    result = _calibration(fit, boards, strange, noise_of(fit), began)
+    result = _calibration(fit, boards, other + moved + findings_of(strange, boards), noise_of(fit), began)
     done()
     return result
 
@@ -109,7 +113,7 @@ def settled(fit: Fit) -> Fit:
 
 
 def _calibration(
-    fit: Fit, boards: BoardSet, strange: Sequence[Sighting], noise: float, began: float
+    fit: Fit, boards: BoardSet, findings: tuple[Finding, ...], noise: float, began: float
 ) -> Calibration:
     known = knowledge(fit, noise)
     predicted = fit.state.predict(fit.looks)
@@ -129,12 +133,16 @@ def _calibration(
         T_world_rig={
             photo: se3.inverse(T) for (photo, _), T in zip(fit.stations, state.T_rig_station) if worlds
         },
-        T_world_board={int(b): state.T_station_board[b] for b in np.unique(fit.looks.board) if worlds},
+        T_world_board={
+            int(b): state.T_station_board[b]
+            for b in range(len(boards.boards))
+            if worlds and b in fit.looks.board
+        },
         sightings=fitted,
         parameters=parameters_of(fit, known),
         noise=noise,
         unobservable=unknowns(fit, known, boards),
-        findings=findings_of(strange, boards),
+        findings=findings,
         seconds=time.perf_counter() - began,
         fit=fit,
     )

@@ -1,0 +1,191 @@
+"""How good a calibration is: photos held out, halves compared, mirrors tested for flatness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from facetcam.calibration.covariance import knowledge
+from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.fit import Fit
+from facetcam.calibration.least_squares import minimise
+from facetcam.calibration.optics import FreeOptics, MirrorOptics
+from facetcam.calibration.problem import subset
+from facetcam.calibration.result import Calibration, Flatness, MirrorDeviation, Validation
+from facetcam.calibration.uncertainty import uncertainty_maps
+from facetcam.geometry import se3
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int | None], None]
+
+FOLDS = 5
+_LEAST_PHOTOS = 6  # from which halves are compared
+_LEAST_CORNERS = 6  # that give a rig pose
+_POINTS = 300  # a view, by which halves are compared
+_CHANCE = 1e-4  # that flat mirrors look bent
+_MATERIAL = 0.97  # of the residuals that remain when views are freed; less is not worth a word
+
+
+def validate(calibration: Calibration, progress: Progress | None = None, folds: int = FOLDS) -> Validation:
+    """Judge a calibration by photos that it has not seen, and by models that it has not used.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Called with steps done and steps in all.
+    folds : int
+        Parts into which the photos are cut; each is held out in turn.
+    """
+    fit: Fit = calibration.fit
+    folds = min(folds, len(fit.photos))
+    total, held = folds + 3, _HeldOut({}, {})
+    for k in range(folds if folds > 1 else 0):
+        held = held.joined(_held_out(fit, fit.photos[k::folds]))
+        _tell(progress, k + 1, total)
+    rms, by_view = _split_half(fit)
+    _tell(progress, folds + 1, total)
+    flatness = _flatness(fit, calibration.noise)
+    _tell(progress, folds + 2, total)
+    known = knowledge(fit, calibration.noise)
+    maps = uncertainty_maps(fit, known, _usual_depth(fit))
+    _tell(progress, total, total)
+    return Validation(
+        held_out_rms=_rms(held.own.values()),
+        held_out={photo: _rms([r]) for photo, r in sorted(held.own.items())},
+        cross_view_rms=_rms(held.across.values()),
+        cross_view={photo: _rms([r]) for photo, r in sorted(held.across.items())},
+        split_half_rms=rms,
+        split_half=by_view,
+        flatness=flatness,
+        deviations=deviations_of(calibration),
+        maps=maps,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _HeldOut:
+    """Residuals (N, 2) a photo: the rig pose from all its views, and from one view judged in the others."""
+
+    own: dict[int, Array]
+    across: dict[int, Array]
+
+    def joined(self, other: _HeldOut) -> _HeldOut:
+        return _HeldOut(self.own | other.own, self.across | other.across)
+
+
+def _held_out(fit: Fit, photos: list[int]) -> _HeldOut:
+    """Solve without some photos, then let only their rig poses move."""
+    trained = fit.of_photos([p for p in fit.photos if p not in photos]).solved(None, 30)
+    seen = set(trained.looks.board.tolist())
+    own, across = {}, {}
+    for photo in photos:
+        part = fit.of_photos([photo])
+        known = np.isin(part.looks.board[part.looks.sighting], list(seen))
+        part = replace(part, kept=part.kept & known)
+        state = replace(trained.state, T_rig_station=part.state.T_rig_station)
+        part = replace(part, state=state, free=np.zeros_like(part.free))
+        if np.count_nonzero(part.kept) >= _LEAST_CORNERS:
+            part = part.solved(None, 30)
+            own[photo] = part.residuals[part.kept]
+            other = _across_views(part)
+            if len(other):
+                across[photo] = other
+    return _HeldOut(own, across)
+
+
+def _across_views(part: Fit) -> Array:
+    """Residuals in the views of one photo when the pose comes from another: the one that shows the most."""
+    out = [np.empty((0, 2))]
+    for station in np.unique(part.looks.station):
+        here = np.flatnonzero(part.looks.station == station)
+        views = part.looks.view[here]
+        corners = np.array([np.count_nonzero(part.kept[slice(*part.looks.bounds[s])]) for s in here])
+        best = max(np.unique(views), key=lambda v: corners[views == v].sum())
+        if corners[views == best].sum() < _LEAST_CORNERS or np.all(views == best):
+            continue
+        looks = part.looks.only(part.kept)
+        from_one, state, _ = subset(looks, part.state, here[views == best].tolist())
+        state = minimise(state, from_one, part.free, part.prior, None, 30)
+        others, _, _ = subset(looks, part.state, here[views != best].tolist())
+        out.append(others.pixels - state.predict(others))
+    return np.concatenate(out)
+
+
+def _split_half(fit: Fit) -> tuple[float, dict[str, float]]:
+    """Projection difference of two rigs, each solved from every other photo."""
+    halves = [fit.of_photos(fit.photos[k::2]) for k in range(2)]
+    views = [{h.views[v] for v in np.unique(h.looks.view)} for h in halves]
+    common = [v for v in fit.views if all(v in seen for seen in views)]
+    if len(fit.photos) < _LEAST_PHOTOS or len(common) < len(fit.views):
+        return float("nan"), {}
+    one, other = (h.solved(None, 30).rig for h in halves)
+    difference = projection_difference(one, other, room_points(fit.rig, common, _POINTS))
+    return difference.rms, dict(difference.by_view)
+
+
+def _flatness(fit: Fit, noise: float) -> Flatness | None:
+    """Plane model against free poses of the views; None where the two have as many parameters."""
+    optics = fit.state.optics
+    assert isinstance(optics, MirrorOptics)
+    known = knowledge(fit, noise)
+    lenses = len(fit.state.intrinsics)
+    planes = np.count_nonzero(known.free >= lenses) - known.open_directions.shape[1]
+    more = 6 * (len(fit.views) - 1) - int(planes)
+    if more <= 0:
+        return None
+    freed = _freed(fit).solved(None, 30)
+    kept = fit.kept
+    plane, free = fit.residuals[kept], freed.residuals[kept]
+    drop = float(np.sum(plane**2) - np.sum(free**2)) / noise**2
+    plane_rms, free_rms = _rms([plane]), _rms([free])
+    flat = bool(drop < chi2.ppf(1.0 - _CHANCE, more) or free_rms > _MATERIAL * plane_rms)
+    gains = {
+        fit.views[v]: float(
+            np.sum(fit.residuals[rows][kept[rows]] ** 2 - freed.residuals[rows][kept[rows]] ** 2)
+        )
+        for v, rows in fit.looks.by_view
+    }
+    return Flatness(plane_rms, free_rms, drop / more, flat, max(gains, key=lambda v: gains[v]))
+
+
+def _freed(fit: Fit) -> Fit:
+    """The same problem with six parameters a view, the first view held as the frame of the rig."""
+    rig, lenses = fit.rig, len(fit.state.intrinsics)
+    optics = FreeOptics.of([se3.inverse(rig.T_rig_image(v)) for v in fit.views])
+    views = np.arange(optics.count) >= 6
+    free = np.concatenate([fit.free[:lenses], views, fit.free[fit.state.first_board :]])
+    return replace(fit, state=replace(fit.state, optics=optics), free=free)
+
+
+def deviations_of(calibration: Calibration) -> tuple[MirrorDeviation, ...]:
+    """How far each mirror as built stands from the drawing."""
+    p = calibration.parameters
+    found = dict(zip(p.names, zip(p.value.tolist(), p.sigma.tolist())))
+    out = []
+    for mirror in calibration.nominal.mirrors:
+        unknown = (0.0, float("nan"))
+        u, v, shift = (found.get(f"{mirror}: {word}", unknown) for word in ("tilt u", "tilt v", "shift"))
+        tilt = float(np.hypot(u[0], v[0]))
+        sigma = float(np.hypot(u[0] * u[1], v[0] * v[1]) / tilt) if tilt > 0 else float(np.hypot(u[1], v[1]))
+        out.append(MirrorDeviation(mirror, tilt, shift[0], sigma, shift[1]))
+    return tuple(out)
+
+
+def _usual_depth(fit: Fit) -> float:
+    """Median distance of the boards, metres."""
+    T = fit.state.T_rig_station[fit.looks.station] @ fit.state.T_station_board[fit.looks.board]
+    return float(np.median(np.linalg.norm(T[:, :3, 3], axis=1)))
+
+
+def _rms(residuals: object) -> float:
+    joined = np.concatenate([np.empty((0, 2)), *residuals])  # type: ignore[misc]
+    return float(np.sqrt(np.mean(np.sum(joined**2, axis=1)))) if len(joined) else float("nan")
+
+
+def _tell(progress: Progress | None, done: int, total: int) -> None:
+    if progress is not None:
+        progress(done, total)

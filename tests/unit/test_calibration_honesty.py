@@ -1,0 +1,68 @@
+"""Held-out photos, intruders, and what is said before a solve."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibration_worlds import boards, disturbed, sightings_of, walk
+
+from facetcam.calibration.preflight import preflight
+from facetcam.calibration.result import Calibration
+from facetcam.calibration.solve import solve
+from facetcam.calibration.synthetic import projected_sightings
+from facetcam.calibration.validation import validate
+from facetcam.rig import presets
+
+NOISE = 0.1
+RIG, SET = presets.ryu(), boards(8, True)
+
+
+@pytest.fixture(scope="module")
+def calibration() -> Calibration:
+    return solve(disturbed(RIG, 1.0, 0.002, 0.03, 0), SET, sightings_of(RIG, SET, 16, NOISE))
+
+
+def test_held_out_photos_fit_as_well_as_noise_allows(calibration: Calibration) -> None:
+    found = validate(calibration)
+    assert NOISE * np.sqrt(2) * 0.9 < found.held_out_rms < NOISE * np.sqrt(2) * 1.5
+    assert set(found.held_out) <= {s.sighting.photo for s in calibration.sightings}
+    assert found.split_half_rms < 1.0
+    assert found.flatness is not None and found.flatness.flat and 0.2 < found.flatness.ratio < 3.0
+    assert np.isnan(found.deviations[0].tilt_sigma_deg)  # the base follows from the drawing
+
+
+def test_maps_predict_the_error_of_the_views(calibration: Calibration) -> None:
+    from facetcam.calibration.difference import projection_difference, room_points
+
+    points = room_points(RIG, list(RIG.views), 300, span=(1.9, 2.1))
+    real = projection_difference(RIG, calibration.rig, points).by_view
+    for m in validate(calibration).maps:
+        assert 0.2 < real[m.view] / np.nanmedian(m.sigma_px) < 3.0
+        assert np.nanmedian(m.sigma_mm) == pytest.approx(
+            np.nanmedian(m.sigma_px) / 1250 * m.depth * 1e3, rel=0.3
+        )
+
+
+def test_names_the_photos_of_another_camera() -> None:
+    placed = walk(RIG, SET, 16)
+    zoomed = replace(RIG, camera=replace(RIG.camera, fx=1330.0, fy=1330.0))
+    sightings = [s for s in projected_sightings(RIG, SET, placed, NOISE) if s.photo not in (2, 15)]
+    sightings += [s for s in projected_sightings(zoomed, SET, placed, NOISE) if s.photo in (2, 15)]
+    found = [f for f in solve(RIG, SET, sightings).findings if f.kind == "other camera"]
+    assert [f.photos for f in found] == [(2, 15)]
+    assert "1330" in found[0].text or "1329" in found[0].text or "1331" in found[0].text
+
+
+def test_says_before_the_solve_which_view_is_missing() -> None:
+    sightings = sightings_of(RIG, SET, 16, NOISE)
+    whole = preflight(RIG, SET, sightings)
+    assert whole.enough and min(whole.sightings.values()) > 0
+    truth = solve(RIG, SET, sightings)
+    view = {(f.sighting.photo, f.sighting.board, len(f.sighting)): f.sighting.view for f in truth.sightings}
+    without = [s for s in sightings if view.get((s.photo, s.board, len(s))) != "left"]
+    partial = preflight(RIG, SET, without)
+    assert not partial.enough
+    assert any("'left'" in u.what and "no photo" in u.what for u in partial.unobservable)
+    assert any("'left'" in line for line in partial.advice)
