@@ -1,0 +1,83 @@
+"""`facetcam calibrate`: what it writes, and how it refuses what cannot be used."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from board_photos import BOARD, SIZE, photo, write_photos
+from command import Facetcam, only_line
+
+import facetcam as package
+from facetcam.calibration import BoardSet, write_boards
+from facetcam.rig import Camera, Rig
+
+CAMERA = Camera("brown-conrady", *SIZE, 600.0, 600.0, 319.5, 239.5, (0.0,) * 5)
+UPRIGHT = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+
+
+@pytest.fixture
+def boards(tmp_path: Path) -> Path:
+    write_boards(BoardSet((BOARD,)), tmp_path / "boards.yaml")
+    return tmp_path / "boards.yaml"
+
+
+@pytest.fixture
+def nominal(tmp_path: Path) -> Path:
+    Rig(CAMERA, UPRIGHT).save(tmp_path / "nominal.yaml")
+    return tmp_path / "nominal.yaml"
+
+
+def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, nominal: Path) -> None:
+    out = tmp_path / "out"
+    photos = write_photos(tmp_path / "in", [photo(seed=k) for k in range(2)])
+
+    def line(images: Path, *more: object) -> str:
+        cache = tmp_path / "cache"
+        return only_line(facetcam("calibrate", images, "--cache", cache, "--out", out, *more))
+
+    both = ("--boards", boards, "--rig", nominal)
+    assert "no such folder" in line(tmp_path / "x", *both)
+    assert "boards.yaml: cannot be read" in line(photos, "--boards", tmp_path / "no" / "boards.yaml")
+    assert "cannot be read" in line(photos, "--boards", boards, "--rig", tmp_path / "no.yaml")
+    assert "neither an OpenCV camera" in line(photos, *both, "--camera", boards)
+    small = write_photos(tmp_path / "small", [photo(size=(320, 240))])
+    assert "they are 320x240, but the camera of the rig is 640x480" in line(small, *both)
+    still = write_photos(tmp_path / "still", [photo(), np.maximum(photo(), 21)])
+    assert "show the boards in the same places" in line(still, *both)
+    assert not out.exists()
+    blank = write_photos(tmp_path / "blank", [np.full(SIZE[::-1], 90, np.uint8)])
+    assert "no board found in 1 photos" in line(blank, *both)
+    assert (out / "what-was-seen.jpg").exists()
+    assert "exists already" in line(photos, *both)
+
+
+@pytest.mark.slow
+def test_ten_photos_of_the_house(facetcam: Facetcam, shared_data: Path, tmp_path: Path) -> None:
+    house = shared_data / "house"
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for k in range(0, 30, 3):
+        (folder / f"{k:05d}.jpg").symlink_to(house / "calibration" / f"{k:05d}.jpg")
+    boards = house / "calibration" / "boards.yaml"
+    arguments = ("--boards", boards, "--rig", house / "rig_nominal.yaml", "--cache", tmp_path / "cache")
+    out = tmp_path / "out"
+    result = facetcam("calibrate", folder, *arguments, "--out", out)
+    assert result.exit_code == 0, result.output
+    solved, true = Rig.load(out / "rig.yaml"), Rig.load(house / "rig_true.yaml")
+    assert abs(solved.camera.fx / true.camera.fx - 1) < 5e-4
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["photos"] == 10
+    with (out / "residuals.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == summary["corners"]
+    kept = [np.hypot(float(r["du"]), float(r["dv"])) for r in rows if r["kept"] == "1"]
+    assert abs(np.sqrt(np.mean(np.square(kept))) - summary["rms"]) < 1e-3
+    page = (out / "report.html").read_text()
+    assert "Residuals of each view" in page
+    assert (out / "export" / "camchain.yaml").exists()
+    in_memory = package.calibrate(sorted(folder.iterdir()), boards, house / "rig_nominal.yaml")
+    assert abs(in_memory.rig.camera.fx - solved.camera.fx) < 1e-6
