@@ -16,7 +16,10 @@ from facetcam.io.frames import Frame
 from facetcam.pipelines.pictures import EvenSample
 from facetcam.pipelines.progress import keeping, total_frames
 from facetcam.pipelines.slam import when_due
+from facetcam.pipelines.slam_record import SlamRecord
+from facetcam.pipelines.slam_results import drop_warning
 from facetcam.pipelines.summary import to_json
+from facetcam.slam import State, Status
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 9, 100, 1000])
@@ -82,3 +85,20 @@ def test_frames_come_when_they_are_due_and_late_ones_at_once(monkeypatch: pytest
         came.append(round(now[0] - 100.0, 6))
         now[0] += 0.35 if frame.index == 1 else 0.0
     assert came == [0.0, 0.1, 0.45, 0.45, 0.45, 0.5, 0.6]
+
+
+@pytest.mark.parametrize(
+    ("dropped", "live", "line"),
+    [
+        (0, False, []),
+        (3, False, ["3 of 10 frames were dropped to keep up with real time"]),
+        (3, True, ["8 of 15 frames were dropped to keep up with real time"]),
+    ],
+)
+def test_frames_left_out_are_told(dropped: int, live: bool, line: list[str], tmp_path: Path) -> None:
+    """Ten frames of a source, five missing amid them: a folder may have such gaps, a camera drops."""
+    with SlamRecord(tmp_path, ("front",)) as record:
+        for index in [*range(4), *range(9, 15)]:
+            frame = Frame(index, 0.1 * index, np.zeros((2, 2), np.uint8), str(index))
+            record.add(frame, State(frame.timestamp, Status.STARTING))
+    assert drop_warning(record, dropped, live) == line

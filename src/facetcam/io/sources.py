@@ -55,6 +55,11 @@ class Source:
         return self._reader.time_span
 
     @property
+    def live(self) -> bool:
+        """True for a camera, whose frames are dropped where they come too fast."""
+        return self._reader.live
+
+    @property
     def skipped(self) -> tuple[Skipped, ...]:
         """Images, or the rest of a film, that could not be read so far."""
         return tuple(self._reader.skipped)

@@ -61,6 +61,7 @@ class SlamRecord:
         self.folder = folder
         self.view_names = view_names
         self.notes: list[FrameNote] = []
+        self.offered = 0  # by the source, with those that it dropped
         self.pictures: EvenSample[Picture] = EvenSample(PICTURES)
         self._started = time.perf_counter()
         with ExitStack() as files:
@@ -90,6 +91,7 @@ class SlamRecord:
     def add(self, frame: Frame, state: State) -> None:
         """Write the live pose and state of a frame, and keep what the report needs."""
         self.notes.append(FrameNote.of(state, self.view_names))
+        self.offered = frame.index + 1
         self._table.write(",".join(state_cells(state, self.view_names)))
         if state.T_world_rig is not None:
             self._trajectory.append(state.timestamp, state.T_world_rig)

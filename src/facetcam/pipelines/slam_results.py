@@ -70,8 +70,7 @@ def summarise(
 ) -> Summary:
     """The run in numbers."""
     warnings = [*inputs.source.warnings, *filter(None, [slam.rig_check.complaint])]
-    if slam.dropped:
-        warnings.append(f"{slam.dropped} of {record.frames} frames were dropped to keep up with real time")
+    warnings += drop_warning(record, slam.dropped, inputs.source.live)
     errors = None
     if inputs.truth is not None:
         try:
@@ -99,6 +98,14 @@ def summarise(
         errors=errors,
         interrupted=interrupted,
     )
+
+
+def drop_warning(record: SlamRecord, dropped: int, live: bool) -> list[str]:
+    """One line where frames were left out to keep up, by tracking or by a camera that could not wait."""
+    missed = record.offered - record.frames if live else 0
+    if not dropped + missed:
+        return []
+    return [f"{dropped + missed} of {record.frames + missed} frames were dropped to keep up with real time"]
 
 
 def count_tracked(record: SlamRecord, times: Array) -> int:

@@ -22,6 +22,7 @@ _LAST_STOP = (100, 1e-8)  # the scale of a map converges slowly
 _LOSS = 1.2  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
+_MAX_NEAR = 50  # keyframes among which these are sought
 _TRIALS = 8
 _LEAST_FOUND = 0.3  # share of the trials in which a good point is found
 
@@ -50,10 +51,10 @@ class Adjuster:
         """Adjust the window; older keyframes that share its points hold it in place."""
         window = self.window
         ids = self._map.observed_points(window)
-        shared = [int(np.isin(k.observations.point, ids).sum()) for k in self._map.keyframes[: -len(window)]]
-        anchors = [
-            self._map.keyframes[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]
-        ]
+        near = self._map.near(window[-1].T_world_rig[:3, 3], _MAX_NEAR + len(window))
+        older = sorted((k for k in near if k.index < window[0].index), key=lambda k: k.index)
+        shared = [int(np.isin(k.observations.point, ids).sum()) for k in older]
+        anchors = [older[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]]
         anchors.sort(key=lambda k: k.index)
         self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_STOP)
 
