@@ -66,21 +66,25 @@ auto rays(const Lens& lens, Pixels pixels) {
     return to_numpy<Doubles>(std::move(directions), {count, 3});
 }
 
-// Mirrors from planes (M, 4) and the half spaces of mirror m, rows starts[m] to starts[m + 1].
-std::vector<FlatMirror> flat_mirrors(const Rows4& planes, const Rows4& bounds, const Starts& starts) {
+// Mirrors from planes (M, 4), thickness and index of their glass (M, 2), and the half spaces of mirror m,
+// rows starts[m] to starts[m + 1].
+std::vector<FlatMirror> flat_mirrors(const Rows4& planes, const Pixels& glass, const Rows4& bounds,
+                                     const Starts& starts) {
     std::vector<FlatMirror> mirrors;
     for (std::size_t m = 0; m < planes.shape(0); ++m) {
         const double* p = planes.data() + 4 * m;
+        const double* g = glass.data() + 2 * m;
         const int first = starts.data()[m];
         mirrors.push_back(
-            {{p[0], p[1], p[2]}, p[3], bounds.data() + 4 * first, starts.data()[m + 1] - first});
+            {{p[0], p[1], p[2]}, p[3], g[0], g[1], bounds.data() + 4 * first, starts.data()[m + 1] - first});
     }
     return mirrors;
 }
 
-auto trace_rays(Rows4 planes, Rows4 bounds, Starts starts, Points directions, std::size_t bounces) {
+auto trace_rays(Rows4 planes, Pixels glass, Rows4 bounds, Starts starts, Points directions,
+                std::size_t bounces) {
     const std::size_t count = directions.shape(0);
-    const auto mirrors = flat_mirrors(planes, bounds, starts);
+    const auto mirrors = flat_mirrors(planes, glass, bounds, starts);
     std::vector<std::int8_t> sequence(bounces * count);
     std::vector<double> length(bounces * count);
     in_blocks(count, [&](std::size_t begin, std::size_t end) {
@@ -115,8 +119,8 @@ void bind_tracing(nb::module_& m) {
             "kannala_brandt"_a, "size"_a, "intrinsics"_a, "radial"_a, "tangential"_a, "limit"_a)
         .def("project", &project, "points"_a.noconvert())
         .def("rays", &rays, "pixels"_a.noconvert());
-    m.def("trace_rays", &trace_rays, "planes"_a.noconvert(), "bounds"_a.noconvert(), "starts"_a.noconvert(),
-          "directions"_a.noconvert(), "bounces"_a);
+    m.def("trace_rays", &trace_rays, "planes"_a.noconvert(), "glass"_a.noconvert(), "bounds"_a.noconvert(),
+          "starts"_a.noconvert(), "directions"_a.noconvert(), "bounces"_a);
 }
 
 }  // namespace facetcam

@@ -1,5 +1,6 @@
 #include "tracing.hpp"
 
+#include <cmath>
 #include <limits>
 
 namespace facetcam {
@@ -43,6 +44,15 @@ Hit nearest(const std::vector<FlatMirror>& mirrors, int skip, const double* orig
     return hit;
 }
 
+// Moves the point where a ray enters a mirror's glass to where it leaves it; false if it leaves by the edge.
+bool cross_glass(const FlatMirror& mirror, const double* direction, double cosine, double* point,
+                 double* way) {
+    const double slant = 2 * mirror.thickness / std::sqrt(mirror.index * mirror.index - 1 + cosine * cosine);
+    for (int i = 0; i < 3; ++i) point[i] += slant * (direction[i] - cosine * mirror.normal[i]);
+    *way += slant;
+    return inside(mirror, point);
+}
+
 }  // namespace
 
 void trace(const std::vector<FlatMirror>& mirrors, const double* aim, int bounces, std::size_t stride,
@@ -59,11 +69,17 @@ void trace(const std::vector<FlatMirror>& mirrors, const double* aim, int bounce
         sequence[b * stride] = hit.mirror;
         length[b * stride] = way;
         if (hit.mirror < 0) continue;
-        const double* normal = mirrors[hit.mirror].normal;
-        const double twice = 2 * dot(normal, direction);
+        const FlatMirror& mirror = mirrors[hit.mirror];
+        const double* normal = mirror.normal;
+        const double cosine = dot(normal, direction);
+        if (mirror.thickness > 0 && !cross_glass(mirror, direction, cosine, hit.point, &way)) {
+            hit.mirror = kNowhere;
+            way = kInfinity;
+            continue;
+        }
         for (int i = 0; i < 3; ++i) {
             origin[i] = hit.point[i];
-            direction[i] -= twice * normal[i];
+            direction[i] -= 2 * cosine * normal[i];
         }
     }
 }

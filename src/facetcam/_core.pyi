@@ -43,6 +43,7 @@ def match_windowed(
 ) -> NDArray[np.int32]: ...
 def trace_rays(
     planes: NDArray[np.float64],
+    glass: NDArray[np.float64],
     bounds: NDArray[np.float64],
     starts: NDArray[np.int32],
     directions: NDArray[np.float64],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from facetcam.config import from_mapping, nearest, read_yaml
 from facetcam.errors import ConfigError, RigError
 from facetcam.rig.camera import Camera
-from facetcam.rig.mirrors import Mirror
+from facetcam.rig.mirrors import Glass, Mirror
 from facetcam.rig.rig import Rig
 from facetcam.rig.view import View
 
@@ -53,6 +53,7 @@ class _PlaneEntry:
 class _MirrorEntry:
     polygon: tuple[tuple[float, float, float], ...] | None = None
     plane: _PlaneEntry | None = None
+    glass: Glass | None = None
 
 
 @dataclass(frozen=True)
@@ -146,11 +147,14 @@ def _named(node: object, where: str, build: Callable[[str, Any], Built]) -> dict
 
 
 def _mirror(name: str, node: object) -> Mirror:
-    entry = from_mapping(_MirrorEntry, node, f"mirror '{name}'")
+    try:
+        entry = from_mapping(_MirrorEntry, node, f"mirror '{name}'")
+    except RigError as error:
+        raise RigError(f"mirror '{name}': {error}") from None
     if entry.polygon is not None and entry.plane is None:
-        return Mirror.from_polygon(name, entry.polygon)
+        return replace(Mirror.from_polygon(name, entry.polygon), glass=entry.glass)
     if entry.plane is not None and entry.polygon is None:
-        return Mirror.from_plane(name, entry.plane.normal, entry.plane.offset)
+        return replace(Mirror.from_plane(name, entry.plane.normal, entry.plane.offset), glass=entry.glass)
     raise RigError(f"mirror '{name}': give either a polygon or a plane")
 
 
@@ -170,14 +174,17 @@ def document(rig: Rig) -> dict[str, Any]:
             "distortion": [float(number) for number in camera.distortion],
             "T_rig_cam": rig.T_rig_cam.tolist(),
         },
-        "mirrors": {
-            name: {"plane": {"normal": m.normal.tolist(), "offset": m.offset}}
-            if m.polygon is None
-            else {"polygon": m.polygon.tolist()}
-            for name, m in rig.mirrors.items()
-        },
+        "mirrors": {name: _mirror_document(mirror) for name, mirror in rig.mirrors.items()},
         "views": {
             name: {"mirrors": list(v.mirrors)} | ({} if v.region is None else {"region": v.region.tolist()})
             for name, v in rig.views.items()
         },
     }
+
+
+def _mirror_document(mirror: Mirror) -> dict[str, Any]:
+    glass = mirror.glass
+    behind = {} if glass is None else {"glass": {"thickness": glass.thickness, "index": glass.index}}
+    if mirror.polygon is None:
+        return {"plane": {"normal": mirror.normal.tolist(), "offset": mirror.offset}} | behind
+    return {"polygon": mirror.polygon.tolist()} | behind

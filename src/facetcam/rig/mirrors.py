@@ -16,11 +16,43 @@ Array = NDArray[np.float64]
 FLATNESS = 1e-4  # metres a corner may stand off the plane, or inside the outline, of its polygon
 
 SHORTEST = 1e-6  # metres between neighbouring corners, at least
+THICKEST = 0.1  # metres of glass before a mirror
+DENSEST = 4.0  # refractive index
+
+
+@dataclass(frozen=True)
+class Glass:
+    """The pane before the silver of an ordinary (second-surface) mirror.
+
+    Parameters
+    ----------
+    thickness : float
+        Metres, up to 0.1.
+    index : float
+        Refractive index; window glass has 1.52.
+
+    Raises
+    ------
+    RigError
+        If a number is out of range.
+    """
+
+    thickness: float
+    index: float = 1.52
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.thickness <= THICKEST:
+            raise RigError(f"glass: the thickness {self.thickness:g} must be 0 to {THICKEST:g} metres")
+        if not 1.0 < self.index <= DENSEST:
+            raise RigError(f"glass: the refractive index {self.index:g} must be above 1, up to {DENSEST:g}")
 
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
     """A flat mirror n.x = offset in the rig frame, both faces reflecting.
+
+    With `glass` the plane is the face where light enters, from either side, and the reflecting silver lies
+    the thickness of the glass behind it.
 
     Parameters
     ----------
@@ -30,11 +62,14 @@ class Mirror:
         Metres along the normal.
     polygon : (N, 3) array or None
         Corners in order, in metres; None for an unbounded plane.
+    glass : Glass or None
+        None for a first-surface mirror.
     """
 
     normal: Array
     offset: float
     polygon: Array | None = None
+    glass: Glass | None = None
 
     @classmethod
     def from_polygon(cls, name: str, vertices: ArrayLike) -> Mirror:

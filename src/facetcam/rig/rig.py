@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from facetcam.errors import FacetcamError, RigError
-from facetcam.geometry import reflection, se3
+from facetcam.geometry import glass, reflection, se3
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Mirror
 from facetcam.rig.view import View, check_views
@@ -92,7 +92,18 @@ class Rig:
         return files.digest(self)
 
     def T_rig_image(self, view: str) -> Array:
-        """Pose of the virtual camera of the raw image: S_k ... S_1 T_rig_cam, of determinant (-1)^k."""
+        """Pose of the virtual camera of the raw image: S_k ... S_1 T_rig_cam, of determinant (-1)^k.
+
+        A view through glass (`Mirror.glass`) has no exact centre: `project` and `ray` take every ray as it
+        runs, and this pose, as all that is built on it, stands in with the centre of the view's middle ray.
+        """
+        T = self._folded(view)
+        if self._visibility.glass(view) is not None:
+            T[:3, 3] += T[:3, :3] @ self._visibility.middle_displacement(view)
+        return T
+
+    def _folded(self, view: str) -> Array:
+        """Product of the reflections in the front faces and of the camera's pose."""
         reflections = [self.mirrors[name].reflection for name in self.views[view].mirrors]
         return reflection.chain(reflections) @ self.T_rig_cam
 
@@ -120,11 +131,15 @@ class Rig:
             True where light from the point reaches the sensor through this chain of mirrors, unobstructed
             by any mirror.
         """
-        T = self.T_rig_image(view)
+        T = self._folded(view)
         points = np.reshape(points, (-1, 3))
         # What is not finite goes into the lens, where nothing is visible.
         points = np.where(np.isfinite(points).all(axis=1, keepdims=True), points, T[:3, 3])
         points_cam = se3.transform(se3.inverse(T), points)
+        panes = self._visibility.glass(view)
+        if panes is not None:
+            points_cam, found = glass.straightened(points_cam, *panes)
+            points_cam[~found] = 0.0
         pixels, valid = self.camera.project(points_cam)
         visible = valid & self._visibility.reaches(view, points_cam) & self.views[view].covers(pixels)
         return pixels, visible
@@ -135,13 +150,15 @@ class Rig:
         Returns
         -------
         origins : (N, 3) array
-            The view's virtual centre, repeated.
+            The view's virtual centre, repeated; through glass each ray has its own.
         directions : (N, 3) array
             Unit directions in the rig frame; zero where the lens gives the pixel no ray.
         """
-        T = self.T_rig_image(view)
-        directions = self.camera.ray(pixels) @ T[:3, :3].T
-        return np.broadcast_to(T[:3, 3], directions.shape).copy(), directions
+        T = self._folded(view)
+        rays = self.camera.ray(pixels)
+        panes = self._visibility.glass(view)
+        offsets = np.zeros_like(rays) if panes is None else glass.displacement(rays, *panes) @ T[:3, :3].T
+        return T[:3, 3] + offsets, rays @ T[:3, :3].T
 
     def sees(self, view: str, pixels: ArrayLike) -> NDArray[np.bool_]:
         """Tell which raw pixels (N, 2) see the room through this view's chain.

@@ -14,7 +14,7 @@ from facetcam.rig.mirrors import Mirror
 Array = NDArray[np.float64]
 
 LEAVES = -1  # the ray meets no further mirror
-NOWHERE = -2  # the lens gives the pixel no ray
+NOWHERE = -2  # there is no ray: the lens gives the pixel none, or it is lost in the edge of a mirror's glass
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,8 @@ class Paths:
         Index of the mirror of each bounce; LEAVES after the last one, NOWHERE for a ray that does not exist.
     length : (B, N) array
         Metres along the broken path from the camera to each bounce; inf where there is none. Reflection
-        keeps lengths, so this is also the straight distance from a view's virtual centre.
+        keeps lengths, so this is also the straight distance from a view's virtual centre. The way through
+        glass counts as `geometry.glass.slant`, which makes it the distance from where the ray seems to start.
     """
 
     mirror: NDArray[np.int8]
@@ -54,6 +55,8 @@ class Tracer:
 
     def __init__(self, mirrors: Sequence[Mirror], T_rig_cam: Array) -> None:
         planes = np.array([(*mirror.normal, mirror.offset) for mirror in mirrors]).reshape(-1, 4)
+        panes = [(m.glass.thickness, m.glass.index) if m.glass else (0.0, 1.0) for m in mirrors]
+        self._glass = np.array(panes, dtype=np.float64).reshape(-1, 2)
         bounds = [mirror.half_spaces for mirror in mirrors]
         self._planes = _in_camera(planes, T_rig_cam)
         self._bounds = _in_camera(np.concatenate([np.empty((0, 4)), *bounds]), T_rig_cam)
@@ -62,7 +65,7 @@ class Tracer:
     def trace(self, directions: ArrayLike, bounces: int) -> Paths:
         """Follow camera rays, unit directions (N, 3) in the camera frame, through up to `bounces` mirrors."""
         aims = np.ascontiguousarray(directions, dtype=np.float64)
-        return Paths(*_core.trace_rays(self._planes, self._bounds, self._starts, aims, bounces))
+        return Paths(*_core.trace_rays(self._planes, self._glass, self._bounds, self._starts, aims, bounces))
 
 
 def _in_camera(planes: Array, T_rig_cam: Array) -> Array:

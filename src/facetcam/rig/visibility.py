@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.errors import RigError
+from facetcam.geometry.glass import displacement, slant
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Mirror
 from facetcam.rig.tracing import NOWHERE, Paths, Tracer
@@ -45,11 +46,44 @@ class Visibility:
         order = list(self.mirrors)
         return {name: [order.index(mirror) for mirror in view.mirrors] for name, view in self.views.items()}
 
+    @cached_property
+    def _glass(self) -> dict[str, tuple[Array, Array] | None]:
+        return {name: self._panes(view.mirrors) for name, view in self.views.items()}
+
+    def glass(self, view: str) -> tuple[Array, Array] | None:
+        """Unfolded normals (M, 3) in the camera frame, and thickness and index (M, 2), of the glass mirrors
+        of the view's chain: what `geometry.glass` takes. None without glass."""
+        return self._glass[view]
+
+    def _panes(self, chain: Iterable[str]) -> tuple[Array, Array] | None:
+        turn, normals, panes = self.T_rig_cam[:3, :3], [], []
+        for mirror in map(self.mirrors.__getitem__, chain):
+            if mirror.glass is not None and mirror.glass.thickness > 0:
+                normals.append(turn.T @ mirror.normal)
+                panes.append((mirror.glass.thickness, mirror.glass.index))
+            turn = mirror.reflection[:3, :3] @ turn
+        return (np.array(normals), np.array(panes)) if panes else None
+
+    def middle_displacement(self, view: str) -> Array:
+        """Displacement (3,) of the view's middle ray by its glass, camera frame."""
+        return self._middle_displacements[view]
+
+    @cached_property
+    def _middle_displacements(self) -> dict[str, Array]:
+        pixels = self._coarse_pixels()
+        labels, offsets = self.label(pixels), {}
+        for index, view in enumerate(self.views):
+            panes, own = self.glass(view), pixels[labels == index]
+            if panes is not None:
+                middle = self.camera.ray(own if len(own) else pixels).mean(axis=0)
+                offsets[view] = displacement((middle / np.linalg.norm(middle))[None], *panes)[0]
+        return offsets
+
     def reaches(self, view: str, points_cam: Array) -> NDArray[np.bool_]:
         """Tell which points (N, 3), in the frame of the view's raw image, light joins with the camera.
 
         Reflection keeps lengths: the point lies beyond the last mirror of the chain and before anything
-        else exactly when its distance does.
+        else exactly when its distance does. Points behind glass come straightened (`geometry.glass`).
         """
         chain = self._chains[view]
         distance = np.linalg.norm(points_cam, axis=1)
@@ -57,8 +91,16 @@ class Visibility:
         paths = self._tracer.trace(directions, len(chain) + 1)
         reached: NDArray[np.bool_] = paths.met(chain) & (distance < paths.length[len(chain)])
         if chain:
-            reached &= distance > paths.length[len(chain) - 1]
+            reached &= distance > paths.length[len(chain) - 1] + self._last_slant(view, directions)
         return reached
+
+    def _last_slant(self, view: str, directions: Array) -> Array | float:
+        """Length that the glass of the chain's last mirror adds to the path, behind the bounce."""
+        last = self.mirrors[self.views[view].mirrors[-1]].glass
+        panes = self.glass(view)
+        if last is None or panes is None:
+            return 0.0
+        return slant(directions @ panes[0][-1], last.thickness, last.index)
 
     def sees(self, view: str, pixels: Array) -> NDArray[np.bool_]:
         """Tell which raw pixels (N, 2) see the room through the view's chain; see `Rig.sees`."""
