@@ -1,8 +1,8 @@
 """Plain chessboards: every sighting of one in a photo, whole or in part, any way round.
 
-Corners are linked to the next ones along their edges; the links make grids. Colours say where in the board a grid
-may lie. A plain pattern that looks the same in a mirror cannot tell whether it was seen in one: its sightings are
-labelled as if seen directly, and `placements` lists all other ways to read them.
+Corners are linked to the next ones along their edges; the links make grids. Colours say where in the board a
+grid may lie. A plain pattern that looks the same in a mirror cannot tell whether it was seen in one: its
+sightings are labelled as if seen directly, and `placements` lists all other ways to read them.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ LEAST = 3  # corners a side of a grid
 _NEAREST = 12  # saddles among which the next one is looked for
 _CONE = np.radians(20.0)  # between an edge and the way to the next corner
 _UNEVEN = 1.6  # ratio of two links in line
+_THIN = 0.6  # share of an outer line that is not of the board, at most
 _STRAY = 0.2  # of a square, from a homography of the whole grid
 
 _TURNS = [np.array(m) for m in ([[1, 0], [0, 1]], [[0, -1], [1, 0]], [[-1, 0], [0, -1]], [[0, 1], [-1, 0]])]
@@ -73,8 +74,7 @@ def placements(sighting: Sighting, board: Board, mirrored: bool) -> list[Sightin
     columns = board.squares[0] - 1
     cells = np.column_stack([sighting.corners % columns, sighting.corners // columns])
     if sighting.mirrored:  # back to what the image shows
-        cells = cells @ _FLIP
-    # The colours of the board tell those of the image: `_ways` takes cells of even sum as falling along x.
+        cells = cells @ _FLIP + (1, 0)  # where the mirror has exchanged rising and falling
     return [
         replace(sighting, corners=corners, mirrored=mirrored)
         for parity, corners in _ways(cells, board)
@@ -89,7 +89,7 @@ def _ways(cells: Index, board: Board) -> list[tuple[bool, Index]]:
     of even sum the image darkens when one turns clockwise past the first direction, as at the board's first.
     """
     limits = np.array(board.squares) - 1
-    ways = []
+    ways: list[tuple[bool, Index]] = []
     for mirrored in (False, True):
         for turn in _TURNS:
             laid = cells @ (_FLIP @ turn if mirrored else turn).T
@@ -97,7 +97,7 @@ def _ways(cells: Index, board: Board) -> list[tuple[bool, Index]]:
             room = limits - (laid.max(axis=0) - low + 1)
             if room.min() < 0:
                 continue
-            for shift in np.ndindex(*(room + 1)):
+            for shift in np.ndindex(int(room[0]) + 1, int(room[1]) + 1):
                 placed = laid - low + np.array(shift)
                 if _same_colours(cells, placed, turn, mirrored):
                     ways.append((mirrored, placed[:, 0] + placed[:, 1] * int(limits[0])))
@@ -137,7 +137,7 @@ def _links(saddles: Saddles) -> Index:
     rising = saddles.rising
     falling = rising + (saddles.falling - rising) % np.pi  # clockwise of the rising one
     angles = np.column_stack([rising, falling, rising + np.pi, falling + np.pi])
-    _, near = cKDTree(saddles.pixels).query(saddles.pixels, min(_NEAREST, count))
+    near = np.asarray(cKDTree(saddles.pixels).query(saddles.pixels, min(_NEAREST, count))[1])
     way = saddles.pixels[near] - saddles.pixels[:, None]
     length = np.linalg.norm(way, axis=2)
     heading = np.arctan2(way[..., 1], way[..., 0])
@@ -162,9 +162,9 @@ def _links(saddles: Saddles) -> Index:
 
 
 def _grown(start: int, links: Index, seen: NDArray[np.bool_]) -> tuple[Index, Index]:
-    """Cells and indices of all corners linked to one. Cells of even sum have their rising edge along -x."""
+    """Cells and indices of all corners linked to one. Cells of even sum have their falling edge along x."""
     placed = {start: (0, 0)}
-    frame = {start: 2}  # which of a corner's links is +x
+    frame = {start: 1}  # which of a corner's links is +x
     taken = {(0, 0)}
     queue = deque([start])
     steps = ((1, 0), (0, 1), (-1, 0), (0, -1))
@@ -200,6 +200,8 @@ def _within(cells: Index, board: Board) -> NDArray[np.bool_]:
         count, axis, line = min(outer)
         if count >= LEAST and np.all(np.sort(high - low + 1) <= limits):
             break
+        if count > _THIN * (high - low + 1)[1 - axis]:  # a line of a larger board
+            return np.zeros(len(cells), dtype=bool)
         kept &= cells[:, axis] != line
     return kept
 

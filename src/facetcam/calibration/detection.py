@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.calibration.boards import Board, BoardSet
+from facetcam.calibration.chessboards import detect_chessboards
 from facetcam.calibration.corners import refine
 from facetcam.calibration.markers import Group, find_groups, homography, project
 from facetcam.calibration.sightings import Sighting
@@ -50,6 +51,9 @@ def detect(image: NDArray[np.generic], boards: BoardSet, photo: int = 0) -> list
             sightings.append(
                 Sighting(photo, group.board, corners[accepted], pixels[accepted], group.mirrored)
             )
+    for index, board in enumerate(boards.boards):
+        if board.kind == "chessboard":
+            sightings += detect_chessboards(grey, board, index, photo)
     return sightings
 
 

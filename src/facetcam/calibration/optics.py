@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import reflection, se3
+from facetcam.geometry.glass import displacement, straightened
 from facetcam.rig import Mirror, Rig
 
 Array = NDArray[np.float64]
@@ -106,7 +107,7 @@ class Plane:
 
 @dataclass(frozen=True, eq=False)
 class MirrorOptics:
-    """Views behind flat first-surface mirrors, three parameters a mirror.
+    """Views behind flat mirrors, three parameters a mirror; glass before them is taken as given.
 
     Attributes
     ----------
@@ -117,6 +118,8 @@ class MirrorOptics:
         Indices of mirrors a view, in the order a camera ray meets them.
     T_cam_rig : (4, 4) array
     tolerance : (3 M,) array
+    glass : (M, 2) array
+        Thickness in metres and refractive index of each mirror; thickness 0 for a first surface.
     """
 
     names: tuple[str, ...]
@@ -124,6 +127,7 @@ class MirrorOptics:
     chains: tuple[tuple[int, ...], ...]
     T_cam_rig: Array
     tolerance: Array
+    glass: Array
 
     @classmethod
     def of(cls, rig: Rig, views: Sequence[str], tilt: float, shift: float) -> MirrorOptics:
@@ -135,7 +139,9 @@ class MirrorOptics:
         # Millimetres suit a rig that fits on a robot; of a mirror metres away a drawing knows less.
         shifts = [max(shift, 0.02 * float(np.linalg.norm(p.pivot - centre))) for p in planes]
         tolerance = np.array([[np.tan(tilt), np.tan(tilt), s] for s in shifts]).reshape(-1)
-        return cls(names, planes, chains, se3.inverse(rig.T_rig_cam), tolerance)
+        panes = [rig.mirrors[m].glass for m in names]
+        glass = np.array([(p.thickness, p.index) if p else (0.0, 1.0) for p in panes]).reshape(-1, 2)
+        return cls(names, planes, chains, se3.inverse(rig.T_rig_cam), tolerance, glass)
 
     @property
     def count(self) -> int:
@@ -150,13 +156,54 @@ class MirrorOptics:
         return np.array([3 * m + i for m in self.chains[view] for i in range(3)], dtype=np.int64)
 
     def into_camera(self, view: int, points: Array) -> Array:
-        return se3.transform(self._maps[view][0], points)
+        seen = se3.transform(self._maps[view][0], points)
+        panes = self._panes(view)
+        return seen if panes is None else straightened(seen, *panes)[0]
 
     def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
         E, by_planes = self._maps[view]
-        by_points = np.broadcast_to(E[:3, :3], (len(points), 3, 3))
+        by_points: Array = np.broadcast_to(E[:3, :3], (len(points), 3, 3))
         by_values = np.einsum("pij,nj->nip", by_planes[:, :3, :3], points) + by_planes[:, :3, 3].T
-        return by_points, by_values
+        if self._panes(view) is None:
+            return by_points, by_values
+        through, by_normals = self._through_glass(view, points)
+        return through @ by_points, through @ (by_values + by_normals)
+
+    def _panes(self, view: int) -> tuple[Array, Array] | None:
+        """Unfolded normals and glass of the view's chain, as `geometry.glass` takes them; None without."""
+        chain = self.chains[view]
+        if not any(self.glass[m, 0] > 0 for m in chain):
+            return None
+        turn, normals = self.T_cam_rig[:3, :3], []
+        for m in chain:
+            normals.append(turn @ self.planes[m].plane[0])
+            turn = turn @ self.planes[m].reflection[:3, :3]
+        return np.array(normals), np.maximum(self.glass[list(chain)], (0.0, 1.0 + 1e-9))
+
+    def _through_glass(self, view: int, points: Array) -> tuple[Array, Array]:
+        """How the straightened point follows the unfolded one (N, 3, 3), and what the normals' turn adds.
+
+        Differences: the displacement is smooth, small, and enters the projection a hundred times weaker than
+        the point itself.
+        """
+        panes = self._panes(view)
+        assert panes is not None
+        seen = self.into_camera(view, points)
+        step = 1e-6 * np.linalg.norm(seen, axis=1)[:, None]
+        slope = np.empty((len(points), 3, 3))
+        for axis in range(3):
+            ends = [seen + sign * step * np.eye(3)[axis] for sign in (1, -1)]
+            more, less = (displacement(e / np.linalg.norm(e, axis=1)[:, None], *panes) for e in ends)
+            slope[:, :, axis] = (more - less) / (2 * step)
+        directions = seen / np.linalg.norm(seen, axis=1)[:, None]
+        by_normals = np.zeros((len(points), 3, len(self.columns(view))))
+        for column, parameter in enumerate(self.columns(view)):
+            if parameter % 3 < 2:
+                nudge = np.zeros(self.count)
+                nudge[parameter] = 1e-6
+                ends = [displacement(directions, *_some(self.moved(n)._panes(view))) for n in (nudge, -nudge)]
+                by_normals[:, :, column] = -(ends[0] - ends[1]) / 2e-6
+        return np.asarray(np.linalg.inv(np.eye(3) + slope), dtype=np.float64), by_normals
 
     def moved(self, step: Array) -> MirrorOptics:
         steps = step.reshape(-1, 3)
@@ -184,6 +231,11 @@ class MirrorOptics:
         for name, plane in zip(self.names, self.planes):
             mirrors[name] = _moved_mirror(rig.mirrors[name], plane)
         return replace(rig, mirrors=mirrors)
+
+
+def _some(panes: tuple[Array, Array] | None) -> tuple[Array, Array]:
+    assert panes is not None
+    return panes
 
 
 def _moved_mirror(mirror: Mirror, plane: Plane) -> Mirror:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from facetcam.calibration.corners import looks_like_corner
 
@@ -102,7 +103,4 @@ def _edges(grey: NDArray[np.uint8], pixels: Array) -> tuple[Array, Array]:
 def _apart(points: Array, others: Array, distance: float) -> NDArray[np.bool_]:
     if not len(points) or not len(others):
         return np.ones(len(points), dtype=bool)
-    from scipy.spatial import cKDTree
-
-    away: NDArray[np.bool_] = cKDTree(others).query(points)[0] > distance
-    return away
+    return np.asarray(cKDTree(others).query(points)[0] > distance)

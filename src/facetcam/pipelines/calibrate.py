@@ -180,7 +180,11 @@ def begun(seen: Seen, stage: Stage) -> tuple[Rig, list[Sighting]]:
     """The drawing; without one, a rig found from the photos, and sightings that know their views."""
     if seen.rig is not None:
         return seen.rig, seen.sightings
-    raise FacetcamError("calibration: give the rig as drawn; views are not found from photos alone yet")
+    from facetcam.calibration.bootstrap import bootstrap
+
+    with stage("finding mirrors"):
+        size = seen.photos[0].size
+        return bootstrap(seen.boards, seen.sightings, size)
 
 
 def calibrate(
