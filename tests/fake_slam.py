@@ -28,6 +28,7 @@ class FakeSlam:
     rig_check = SimpleNamespace(complaint="")
     grown = False
     loops = 0
+    odometry_check = SimpleNamespace(complaint="", offset=None)
 
     def __init__(self, rig: object, config: object) -> None:
         self.seen: list[float] = []

@@ -11,6 +11,7 @@ from facetcam.geometry import se3
 from facetcam.rig import Camera, Rig, presets
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
+from facetcam.slam.two_frames import Pairs
 
 Array = NDArray[np.float64]
 
@@ -117,3 +118,20 @@ def winding_path(count: int, length: float = 1.0) -> Array:
         for s in along
     ]
     return np.array([se3.exp(twist) for twist in twists])
+
+
+def true_pairs(optics: Optics, T_a_b: Array, rng: np.random.Generator, count: int = 2500) -> Pairs:
+    """What is seen in the same view of two frames."""
+    points = in_sight(optics, np.array([np.eye(4), T_a_b]), rng, count)
+    a, b = look(optics, np.eye(4), points), look(optics, T_a_b, points)
+    _, rows_a, rows_b = np.intersect1d(128 * a.point + a.view, 128 * b.point + b.view, return_indices=True)
+    return Pairs(a.view[rows_a], a.plane[rows_a], b.plane[rows_b])
+
+
+def spoiled(pairs: Pairs, optics: Optics, rng: np.random.Generator, share: float, noise: float) -> Pairs:
+    """The same pairs with noise in pixels, a share of them paired with others of their view."""
+    plane_b = pairs.plane_b + rng.normal(0.0, noise, pairs.plane_b.shape)
+    for view in range(optics.n_views):
+        rows = np.flatnonzero((pairs.views == view) & (rng.random(len(pairs)) < share))
+        plane_b[rows] = plane_b[np.roll(rows, 1)]
+    return Pairs(pairs.views, pairs.plane_a + rng.normal(0.0, noise, plane_b.shape), plane_b)

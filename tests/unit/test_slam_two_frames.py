@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, in_sight, look, pyramid, single
+from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_pairs
 
 from facetcam.geometry import se3
 from facetcam.slam.epipolar import epipolar_error
@@ -21,23 +21,6 @@ MOTION = se3.exp([0.02, -0.03, 0.12, 0.08, 0.3, 0.03])
 @pytest.fixture(scope="module")
 def ryu() -> Optics:
     return Optics(folded(), 8.0)
-
-
-def true_pairs(optics: Optics, T_a_b: Array, rng: np.random.Generator, count: int = 2500) -> Pairs:
-    """What is seen in the same view of two frames."""
-    points = in_sight(optics, np.array([np.eye(4), T_a_b]), rng, count)
-    a, b = look(optics, np.eye(4), points), look(optics, T_a_b, points)
-    _, rows_a, rows_b = np.intersect1d(128 * a.point + a.view, 128 * b.point + b.view, return_indices=True)
-    return Pairs(a.view[rows_a], a.plane[rows_a], b.plane[rows_b])
-
-
-def spoiled(pairs: Pairs, optics: Optics, rng: np.random.Generator, share: float, noise: float) -> Pairs:
-    """The same pairs with noise in pixels, a share of them paired with others of their view."""
-    plane_b = pairs.plane_b + rng.normal(0.0, noise, pairs.plane_b.shape)
-    for view in range(optics.n_views):
-        rows = np.flatnonzero((pairs.views == view) & (rng.random(len(pairs)) < share))
-        plane_b[rows] = plane_b[np.roll(rows, 1)]
-    return Pairs(pairs.views, pairs.plane_a + rng.normal(0.0, noise, plane_b.shape), plane_b)
 
 
 def assert_motion(T: Array | None, truth: Array, degrees: float, direction: float) -> None:
@@ -90,9 +73,9 @@ def test_a_turn_on_the_spot_leaves_nothing_to_translation() -> None:
     optics = Optics(single(), 8.0)
     rng = np.random.default_rng(24)
     turned = true_pairs(optics, se3.exp([0.05, 0.1, -0.15, 0, 0, 0]), rng)
-    assert turned.beyond_rotation(optics).max() < 1e-6
+    assert turned.pure_rotation(optics)[1].max() < 1e-6
     moved = true_pairs(optics, MOTION, rng)
-    assert np.median(moved.beyond_rotation(optics)) > 0.01
+    assert np.median(moved.pure_rotation(optics)[1]) > 0.01
 
 
 @pytest.mark.parametrize("seed", range(3))

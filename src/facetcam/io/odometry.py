@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from facetcam.io.tables import read_numbers
 
 Array = NDArray[np.float64]
 COLUMNS = "timestamp,x,y,yaw"
+FASTEST = 10.0  # metres or radians a second, that a robot keeps up
 MAX_GAP = 0.5  # seconds; over longer ones a straight line would be invented motion
 
 
@@ -35,6 +36,10 @@ class Odometry:
             return None
         x, y, yaw = (float(np.interp(time, self.times, column)) for column in (self.x, self.y, self.yaw))
         return x, y, yaw
+
+    def shifted(self, offset: float) -> Odometry:
+        """The same rows on a clock by which those of a time are found `offset` seconds earlier."""
+        return replace(self, times=self.times - offset)
 
     def require_cover(self, span: tuple[float, float], what: str, slack: float) -> None:
         """Raise SourceError unless the table reaches over `span` (first, last) but for `slack` seconds."""
@@ -64,8 +69,23 @@ def read_odometry(path: Path | str) -> Odometry:
     Raises
     ------
     SourceError
-        If the file cannot be read, is empty, has another header, or a line is wrong or not later than the one
-        before.
+        If the file cannot be read, is empty, has another header, a line is wrong or not later than the one
+        before, or its usual speeds show other units.
     """
     times, x, y, yaw = read_numbers(Path(path), COLUMNS, header=True).T.copy()
+    _require_plausible(path, times, x, y, yaw)
     return Odometry(times, x, y, np.unwrap(yaw))
+
+
+def _require_plausible(path: Path | str, times: Array, x: Array, y: Array, yaw: Array) -> None:
+    """Refuse tables whose usual speed is that of no robot: millimetres, degrees, or times in milliseconds."""
+    if len(times) < 2:
+        return
+    turns = np.abs(np.arctan2(np.sin(np.diff(yaw)), np.cos(np.diff(yaw))))
+    for name, steps, unit in (("x, y", np.hypot(np.diff(x), np.diff(y)), "m"), ("yaw", turns, "rad")):
+        moving = steps > 1e-9
+        speed = float(np.median((steps / np.diff(times))[moving])) if moving.any() else 0.0
+        if speed > FASTEST:
+            raise SourceError(
+                f"{path}: {name} usually change by {speed:.0f} {unit}/s; give seconds, metres and radians"
+            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from facetcam.pipelines.progress import total_frames
 from facetcam.pipelines.slam_maps import NEW_MAP, MapChoice
 from facetcam.rig import Rig
 from facetcam.slam import SlamConfig
+from facetcam.slam.odometry_check import CLOCK_RANGE
 
 Array = NDArray[np.float64]
 
@@ -32,10 +33,16 @@ class SlamInputs:
     odometry: Odometry | None
     truth: tuple[Array, Array] | None
     maps: MapChoice = NEW_MAP
+    odometry_offset: float = 0.0  # seconds by which the odometry's clock was found to be ahead
 
     def odometry_at(self, time: float) -> tuple[float, float, float] | None:
         """Odometry x, y, yaw at a frame's time, None where there is none."""
         return self.odometry.at(time) if self.odometry is not None else None
+
+    def with_odometry_offset(self, seconds: float) -> SlamInputs:
+        """The same inputs, with the odometry brought from its own clock to that of the film."""
+        shifted = None if self.odometry is None else self.odometry.shifted(seconds)
+        return replace(self, odometry=shifted, odometry_offset=seconds)
 
 
 def read_slam_inputs(
@@ -72,10 +79,12 @@ def require_size(film: Source, rig: Rig) -> None:
 
 
 def require_cover(wheels: Odometry, film: Source, max_frames: int | None) -> None:
-    """Raise SourceError unless odometry covers the frames to be read, but for one at either end."""
+    """Raise SourceError unless odometry covers the frames to be read, but for what a wrong clock may hide."""
     if film.time_span is None or not film.count:
         return
     first, last = film.time_span
     interval = (last - first) / max(film.count - 1, 1)
     read = total_frames(film.count, max_frames) or 1
-    wheels.require_cover((first, first + interval * (read - 1)), film.name, slack=interval)
+    length = interval * (read - 1)
+    slack = max(interval, min(CLOCK_RANGE, 0.1 * length))
+    wheels.require_cover((first, first + length), film.name, slack)

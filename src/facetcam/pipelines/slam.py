@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-from facetcam.errors import RigError
+from facetcam.errors import RigError, SourceError
 from facetcam.io.frames import Frame
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
@@ -99,6 +99,7 @@ def track_film(
             state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
             record.add(frame, state)
             require_fit(slam, state)
+            inputs = in_step(slam, inputs)
             keeper.after_frame()
             progress(record.frames, total_frames(inputs.source.count, max_frames))
         slam.finish()
@@ -109,6 +110,18 @@ def require_fit(slam: Slam, state: State) -> None:
     """Raise RigError where no map can start because the rig is not that of the film."""
     if state.status is Status.STARTING and slam.rig_check.complaint:
         raise RigError(slam.rig_check.complaint)
+
+
+def in_step(slam: Slam, inputs: SlamInputs) -> SlamInputs:
+    """Bring the odometry to the film's clock once its offset is known; SourceError if it is foreign."""
+    check = slam.odometry_check
+    if check.complaint:
+        raise SourceError(f"odometry: {check.complaint}")
+    if check.offset is None or inputs.odometry_offset:
+        return inputs
+    inputs = inputs.with_odometry_offset(check.offset)
+    slam.replace_odometry(inputs.odometry_at)
+    return inputs
 
 
 def when_due(frames: Iterable[Frame]) -> Iterator[Frame]:

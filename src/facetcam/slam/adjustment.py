@@ -9,7 +9,7 @@ from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.odometry import planar_motion
+from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import scale_sigma
 
@@ -107,17 +107,22 @@ class Adjuster:
     def _motions(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
         """Odometry between neighbours in time, and a loose hold on a scale that nothing else may hold."""
         motions = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
+        believed = self._believed_steps(keyframes)
         for j in range(max(1, n_fixed), len(keyframes)):
             a, b = keyframes[j - 1], keyframes[j]
-            if (
-                b.index == a.index + 1
-                and b.session == a.session
-                and a.odometry is not None
-                and b.odometry is not None
-            ):
+            if believed[j - 1] and a.odometry is not None and b.odometry is not None:
                 T_a_b, covariance = planar_motion(a.odometry, b.odometry, self._config.odometry_sigma)
                 motions.append(RelativePose(j - 1, j, T_a_b, covariance))
         return motions
+
+    def _believed_steps(self, keyframes: list[Keyframe]) -> NDArray[np.bool_]:
+        """Steps (K - 1,) between neighbours in time over which the wheels can be believed."""
+        nothing = np.full(3, np.nan)
+        odometry = np.array([nothing if k.odometry is None else k.odometry for k in keyframes])
+        poses = np.array([k.T_world_rig for k in keyframes])
+        neighbours = np.all(np.diff([(k.index, k.session) for k in keyframes], axis=0) == (1, 0), axis=1)
+        believed = believable(odometry, poses, self._config.odometry_sigma)
+        return np.asarray(neighbours & believed)
 
     def _cull(self, keyframes: list[Keyframe], ids: Index) -> None:
         """Drop observations that do not fit, then points seen from one place only or rarely found."""

@@ -15,6 +15,9 @@ _T_base_rig = se3.from_rotation_translation([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], 
 _FLOOR_METRES = 0.005
 _FLOOR_RADIANS = 0.01
 _UNLEVEL_RADIANS = 0.1  # a ramp or a bump between two keyframes
+_STANDING = 0.03  # metres; shorter ways say nothing about slip
+_SLIP = 0.5  # share of a way by which wheels and images may differ
+_TURN_SIGMAS = 4.0
 
 
 def planar_pose(odometry: Array) -> Array:
@@ -46,3 +49,43 @@ def planar_motion(a: Array, b: Array, sigma: float) -> tuple[Array, Array]:
     translation_sigma = sigma * distance + _FLOOR_METRES
     sigmas = np.array([_UNLEVEL_RADIANS, _UNLEVEL_RADIANS, yaw_sigma, *(3 * [translation_sigma])])
     return T_a_b, np.diag(sigmas**2)
+
+
+def believable(odometry: Array, T_world_rig: Array, sigma: float) -> NDArray[np.bool_]:
+    """Tell which steps of the wheels the images bear out.
+
+    Wheels slip, are blocked or lifted, and their tables jump. A step is believed where it turns as the images
+    say, and is as long as they say but for a factor that all steps share: neither the wheels' metre nor the
+    map's is proven.
+
+    Parameters
+    ----------
+    odometry : (K, 3) array
+        x, y, yaw at successive frames; NaN where there is none.
+    T_world_rig : (K, 4, 4) array
+        Poses of the frames from the images.
+    sigma : float
+        Relative error of distance and turn.
+
+    Returns
+    -------
+    (K - 1,) bool array
+    """
+    T_seen = se3.inverse(T_world_rig[:-1]) @ T_world_rig[1:]
+    turn = np.arctan2(np.sin(np.diff(odometry[:, 2])), np.cos(np.diff(odometry[:, 2])))
+    seen_turn = np.arctan2(T_seen[:, 1, 0], T_seen[:, 0, 0])
+    turns = np.abs(turn - seen_turn) < _TURN_SIGMAS * (sigma * np.abs(seen_turn) / 3.0 + _FLOOR_RADIANS)
+    way, seen_way = _ways(odometry), T_seen[:, :2, 3]
+    length, seen_length = np.linalg.norm(way, axis=1), np.linalg.norm(seen_way, axis=1)
+    rolling = turns & (np.minimum(length, seen_length) > _STANDING)
+    usual = float(np.median(length[rolling] / seen_length[rolling])) if rolling.any() else 1.0
+    difference = np.linalg.norm(way - usual * seen_way, axis=1)
+    return np.asarray(turns & (difference < _SLIP * np.maximum(length, usual * seen_length) + _STANDING))
+
+
+def _ways(odometry: Array) -> Array:
+    """Steps (K - 1, 2) of the wheels, x and y in the rig frame where each one starts."""
+    step, yaw = np.diff(odometry[:, :2], axis=0), odometry[:-1, 2]
+    ahead = step[:, 0] * np.cos(yaw) + step[:, 1] * np.sin(yaw)
+    to_the_left = step[:, 1] * np.cos(yaw) - step[:, 0] * np.sin(yaw)
+    return np.column_stack([-to_the_left, ahead])

@@ -62,7 +62,9 @@ def _pose_information(bundle: Bundle, optics: Optics, pixel_sigma: float) -> Arr
     A = _blocks(root * J, bundle.frame, K)
     B = _blocks(root * by_point, bundle.point, P)
     V = (B.T @ B).tobsr((3, 3))
-    inverse = np.linalg.inv(_diagonal_blocks(V, P) + 1e-9 * np.eye(3))
+    blocks = _diagonal_blocks(V, P)
+    damping = 1e-9 + 1e-14 * np.trace(blocks, axis1=1, axis2=2)  # more would pose as information
+    inverse = np.linalg.inv(blocks + damping[:, None, None] * np.eye(3))
     V_inverse = sparse.bsr_matrix((inverse, np.arange(P), np.arange(P + 1)), shape=(3 * P, 3 * P))
     W = A.T @ B
     return np.asarray((A.T @ A - W @ V_inverse @ W.T).todense())

@@ -21,6 +21,7 @@ from facetcam.slam.two_frames import (
     MIN_MATCHES,
     START_GATE,
     Pairs,
+    confirmed_motion,
     enough_parallax,
     estimate_motion,
     match_corners,
@@ -99,7 +100,9 @@ class Starter:
     def _motion(self, first: Waiting, new: Waiting, pairs: Pairs) -> Array | None:
         if first.odometry is None or new.odometry is None:
             return estimate_motion(pairs, self._optics)
-        T, _ = planar_motion(first.odometry, new.odometry, 0.0)
+        T = confirmed_motion(pairs, planar_motion(first.odometry, new.odometry, 0.0)[0], self._optics)
+        if T is None:
+            return None
         a, b = self._corners(first.frame), self._corners(new.frame)
         return T if enough_parallax(a, b, T, self._optics, self._config) else None
 

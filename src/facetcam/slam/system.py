@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from facetcam.slam.map_arrays import from_arrays, to_arrays
 from facetcam.slam.map_file import MapHeader, read_map, require_rig, write_map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.odometry import planar_motion, planar_pose
+from facetcam.slam.odometry_check import OdometryCheck
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.relocalisation import Relocaliser
@@ -61,6 +62,8 @@ class Slam:
         Relative standard deviation of the map's scale, inf where the images cannot tell it.
     rig_check : RigCheck
         Whether the rig's file and the film belong together.
+    odometry_check : OdometryCheck
+        Whether odometry and the film belong together, and on one clock.
     dropped : int
         Frames dropped to keep up with real time.
     timing : dict of str to list of float
@@ -91,6 +94,7 @@ class Slam:
         self._tracker = Tracker(self._map, self._optics, self.config, corners, relocaliser)
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
         self.rig_check = RigCheck(self._optics, self.config, corners)
+        self.odometry_check = OdometryCheck()
         self.dropped = 0
         self._calls = threading.Lock()
         self._mapping = Background(self.config.real_time)
@@ -142,6 +146,8 @@ class Slam:
                 self._checking.run(lambda: self._check_rig(frame))
             state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
             self._odometry = wheels
+            tracked = state.T_world_rig if state.status is Status.TRACKING else None
+            self.odometry_check.offer(timestamp, tracked, wheels)
             return state
 
     def _check_rig(self, frame: Frame) -> None:
@@ -157,26 +163,28 @@ class Slam:
     def _follow(self, frame: Frame, odometry: Array | None) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
         with self._map.lock:
-            predicted = self._predict(frame.timestamp, odometry)
+            predictions = self._predictions(frame.timestamp, odometry)
             with self._timed("track"):
-                fix = self._tracker.find(frame, predicted)
+                fix = self._tracker.find(frame, *predictions)
             found = fix is not None and self._trust.believes(fix)
             due = fix is not None and found and self._accept(fix, frame.timestamp)
         if fix is None or not found:
-            return self._miss(frame, predicted, odometry)
+            return self._miss(frame, predictions, odometry)
         keyframe = due and not self._localise_only and not self._mapping.busy
         if keyframe:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
-    def _predict(self, timestamp: float, odometry: Array | None) -> Array | None:
-        """Odometry where there is some, else the last motion on; None before the first pose."""
+    def _predictions(self, timestamp: float, odometry: Array | None) -> list[Array]:
+        """Where the rig may be, the likeliest first: by odometry, if there is some, and by inertia."""
         if not self._placed:
-            return None
-        if odometry is not None and self._odometry is not None:
-            return self._trajectory.last() @ planar_motion(self._odometry, odometry, 0.0)[0]
+            return []
+        last = self._trajectory.last()
         steps = (timestamp - self._trajectory.last_timestamp) / self._step if self._step else 1.0
-        return self._trajectory.last() @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
+        inertial = last @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
+        if odometry is None or self._odometry is None:
+            return [inertial]
+        return [last @ planar_motion(self._odometry, odometry, 0.0)[0], inertial]
 
     def _accept(self, fix: Fix, timestamp: float) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
@@ -211,7 +219,7 @@ class Slam:
         self.scale_sigma = self._adjuster.scale_sigma()
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
-    def _miss(self, frame: Frame, predicted: Array | None, odometry: Array | None) -> State:
+    def _miss(self, frame: Frame, predictions: list[Array], odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._lost_frames += 1
         self._trust.lose()
@@ -219,11 +227,12 @@ class Slam:
         young = len(self._map.keyframes) < _YOUNG and not self._continued
         if self._lost_frames > _PATIENCE and young:
             return self._start_again(frame, odometry)
-        if predicted is None or odometry is None or self._odometry is None:
+        if not predictions or odometry is None or self._odometry is None:
             return State(frame.timestamp, Status.LOST, map_points=n_points)
+        by_wheels = predictions[0]
         with self._map.lock:
-            self._trajectory.add(frame.timestamp, predicted, self._map.keyframes[-1])
-        return State(frame.timestamp, Status.DEAD_RECKONING, predicted, map_points=n_points)
+            self._trajectory.add(frame.timestamp, by_wheels, self._map.keyframes[-1])
+        return State(frame.timestamp, Status.DEAD_RECKONING, by_wheels, map_points=n_points)
 
     def _start_again(self, frame: Frame, odometry: Array | None) -> State:
         """A map that fails this early was wrong: forget it with its poses."""
@@ -274,6 +283,21 @@ class Slam:
             pixels=fix.seen.pixels.astype(np.float32),
             pixel_views=fix.seen.view,
         )
+
+    def replace_odometry(self, at: Callable[[float], ArrayLike | None]) -> None:
+        """Give the keyframes of this run other odometry, for instance after its clock was found to be off.
+
+        Parameters
+        ----------
+        at : callable
+            x, y, yaw at a time, or None.
+        """
+        with self._calls:
+            self._mapping.wait()
+            for keyframe in self._map.keyframes:
+                if keyframe.session == self._mapper.session:
+                    keyframe.odometry = _checked(at(keyframe.timestamp))
+            self._odometry = None
 
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""

@@ -78,17 +78,18 @@ class Tracker:
         self._corners = corners
         self._relocaliser = relocaliser
 
-    def find(self, frame: Frame, predicted: Array | None) -> Fix | None:
-        """Pose of a frame, near a prediction where there is one.
+    def find(self, frame: Frame, *predicted: Array) -> Fix | None:
+        """Pose of a frame near one of its predictions, the likeliest first; there may be none.
 
-        Where patches agree poorly the descriptors are asked too, first near their predictions, then at the
+        Where patches agree poorly the descriptors are asked too, first near the prediction, then at the
         places of the map that look like the frame.
         """
-        fix = None if predicted is None else self._locate(frame, predicted)
-        if fix is not None and fix.clear:
-            return fix
-        other = self._relocate(frame, predicted)
-        return max(fix, other, key=lambda f: 0 if f is None else len(f.seen))
+        best = None
+        for T_world_rig in predicted:
+            best = _better(best, self._locate(frame, T_world_rig))
+            if best is not None and best.clear:
+                return best
+        return _better(best, self._relocate(frame, *predicted[:1]))
 
     def record(self, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
@@ -119,10 +120,10 @@ class Tracker:
             return None
         return Fix(pose, expected, seen.take(fits))
 
-    def _relocate(self, frame: Frame, predicted: Array | None) -> Fix | None:
+    def _relocate(self, frame: Frame, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
         best = None
-        for T in self._proposals(frame, predicted):
+        for T in self._proposals(frame, *predicted):
             fix = self._locate(frame, T)
             if fix is None:
                 continue
@@ -132,9 +133,9 @@ class Tracker:
                 best = fix
         return best
 
-    def _proposals(self, frame: Frame, predicted: Array | None) -> Iterator[Array]:
-        if predicted is not None:
-            T = self._from_windows(frame, predicted)
+    def _proposals(self, frame: Frame, *predicted: Array) -> Iterator[Array]:
+        for near in predicted:
+            T = self._from_windows(frame, near)
             if T is not None:
                 yield T
         yield from self._relocaliser.propose(frame)
@@ -164,3 +165,7 @@ class Tracker:
             2.0 * config.gate,
         )
         return T if inliers.sum() >= config.min_inliers else None
+
+
+def _better(a: Fix | None, b: Fix | None) -> Fix | None:
+    return max(a, b, key=lambda fix: 0 if fix is None else len(fix.seen))

@@ -34,6 +34,9 @@ _EPIPOLAR_SIGMA = 0.5  # px
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.8  # share of the matches that the right motion explains
 _MIN_VIEW_MATCHES = 20
+_STANDING = 1e-4  # metres
+_MIN_CONFIRMING = 40  # pairs
+_CONFIRMING = 0.6  # share of them
 
 
 @dataclass(slots=True)
@@ -69,15 +72,15 @@ class Pairs:
         )
         return np.where(other > 0, distance, -1.0), angle
 
-    def beyond_rotation(self, optics: Optics) -> Array:
-        """Angles (N,) between the rays that the best pure rotation leaves: what translation must explain."""
+    def pure_rotation(self, optics: Optics) -> tuple[Array, Array]:
+        """Best rotation (3, 3) of the rig on the spot, and the angles (N,) it leaves between the rays."""
         a, b = (optics.plane_rays(p, self.views) for p in (self.plane_a, self.plane_b))
         weight = np.ones(len(a))
         for _ in range(_ROTATION_STEPS):
             rotation, _ = Rotation.align_vectors(a, b, weights=weight)
             angle = np.linalg.norm(np.cross(a, rotation.apply(b)), axis=1)
             weight = 1.0 / (1.0 + (angle / _CLEAR_PARALLAX) ** 2)
-        return np.asarray(angle)
+        return rotation.as_matrix(), angle
 
     def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> int:
         """Pairs that fit a motion, lie in front of the views and have parallax."""
@@ -119,7 +122,7 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     """
     if len(pairs) < MIN_MATCHES:
         return None
-    if np.mean(pairs.beyond_rotation(optics) > _CLEAR_PARALLAX) < _CLEAR_SHARE:
+    if np.mean(pairs.pure_rotation(optics)[1] > _CLEAR_PARALLAX) < _CLEAR_SHARE:
         return None  # a turn on the spot, or too small a step to tell from one
     best = joint_motion(pairs, view_motions(pairs, optics), optics)
     if best is None:
@@ -127,6 +130,19 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     share = float(np.mean(np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE))
     enough = share > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
     return best if enough else None
+
+
+def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
+    """Motion that was measured otherwise, turned as the images say; None where they say something else.
+
+    Wheels may slip and their clock be off: only the length is theirs. Few pairs can neither confirm nor deny.
+    """
+    if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < _STANDING:
+        return T_a_b
+    on_the_spot = se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
+    proposals = [_polished(T, pairs, optics) for T in (T_a_b, on_the_spot)]
+    shares = [float(np.mean(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE)) for T in proposals]
+    return proposals[int(np.argmax(shares))] if max(shares) > _CONFIRMING else None
 
 
 def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:

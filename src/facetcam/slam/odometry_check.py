@@ -1,0 +1,121 @@
+"""Whether wheel odometry turns as the film does: its clock, its unit, its sign."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+
+Array = NDArray[np.float64]
+
+CLOCK_RANGE = 2.0  # seconds by which the two clocks may differ
+
+_LAGS = np.linspace(-CLOCK_RANGE, CLOCK_RANGE, 201)
+_MIN_STEPS = 60
+_EVERY = 20  # steps between two looks
+_MIN_TURN = 1.0  # radians, in all
+_ROUNDING = 0.01
+_AGREES = 0.3  # residual over the turns themselves
+_CLEARLY = 0.5  # a clock offset must at least halve the residual
+_NEAR = 0.4  # seconds round the best lag where others may be as good
+_DISTINCT = 1.3
+_FRAME_SHARE = 0.4  # offsets below this share of the frame interval do no harm
+_LIKENESS = 0.9  # correlation that shows two courses to be the same but for their unit
+_TOLERABLE = 0.5
+_UNLIKE_TURN = 2.5  # radians after which courses that differ belong to different drives
+
+
+class OdometryCheck:
+    """Compares turns of the wheels with turns seen, which need no scale, over a range of clock offsets.
+
+    Attributes
+    ----------
+    offset : float or None
+        Seconds to add to a frame's time to find its row in the odometry; None while that is not known.
+    complaint : str
+        Why the odometry cannot be that of the film, for people; empty while nothing is known against it.
+    """
+
+    def __init__(self) -> None:
+        self.offset: float | None = None
+        self.complaint = ""
+        self._last: tuple[float, Array] | None = None
+        self._spans: list[tuple[float, float]] = []
+        self._turns: list[float] = []
+        self._rows: list[tuple[float, float]] = []
+
+    def offer(self, timestamp: float, T_world_rig: Array | None, odometry: Array | None) -> None:
+        """Take the pose of the next frame as the images have it, and its odometry."""
+        if self.offset is not None or self.complaint:
+            return
+        if odometry is not None:
+            self._rows.append((timestamp, float(odometry[2])))
+        if T_world_rig is not None and self._last is not None and odometry is not None:
+            then, T_last = self._last
+            self._spans.append((then, timestamp))
+            self._turns.append(float(se3.log(se3.inverse(T_last) @ T_world_rig)[2]))
+            if len(self._turns) >= _MIN_STEPS and len(self._turns) % _EVERY == 0:
+                self._look()
+        self._last = None if T_world_rig is None else (timestamp, T_world_rig.copy())
+
+    def _look(self) -> None:
+        seen = np.array(self._turns)
+        total = float(np.abs(seen).sum())
+        if total < _MIN_TURN:
+            return
+        turned = self._wheel_turns()
+        valid = np.isfinite(turned)
+        enough = valid.sum(axis=1) >= 0.6 * len(seen)
+        error = np.full(len(_LAGS), np.inf)
+        for i in np.flatnonzero(enough):
+            rows = valid[i]
+            usual = max(float(np.abs(seen[rows]).mean()), 1e-9)
+            error[i] = _ROUNDING + np.abs(seen - turned[i])[rows].mean() / usual
+        best, now = int(np.argmin(error)), len(_LAGS) // 2
+        if error[best] < _AGREES:
+            self._judge_clock(error, best, now)
+        else:
+            self._judge_course(seen, turned, enough, total)
+
+    def _wheel_turns(self) -> Array:
+        """Turn of the wheels (L, N) over every span, for every lag; NaN where there are no rows."""
+        times, yaw = np.array(self._rows).T
+        yaw = np.unwrap(yaw)
+        spans = np.array(self._spans)[None] + _LAGS[:, None, None]
+        turns = np.diff(np.interp(spans, times, yaw), axis=2)[:, :, 0]
+        outside = (spans[:, :, 0] < times[0]) | (spans[:, :, 1] > times[-1])
+        return np.where(outside, np.nan, turns)
+
+    def _judge_clock(self, error: Array, best: int, now: int) -> None:
+        interval = float(np.median([b - a for a, b in self._spans]))
+        far = np.abs(_LAGS - _LAGS[best]) > _NEAR
+        distinct = error[far].min() > _DISTINCT * error[best]
+        if not distinct:
+            return  # a steady turn looks the same at any time
+        shifted = abs(_LAGS[best]) > _FRAME_SHARE * interval and error[best] < _CLEARLY * error[now]
+        if shifted:
+            self.offset = float(_LAGS[best])
+
+    def _judge_course(self, seen: Array, turned: Array, enough: NDArray[np.bool_], total: float) -> None:
+        """Name the unit or the sign of a course that is alike but for a factor; refuse one that is not."""
+        likeness, gain = np.zeros(len(_LAGS)), np.ones(len(_LAGS))
+        for i in np.flatnonzero(enough):
+            rows = np.isfinite(turned[i])
+            a, b = seen[rows], turned[i][rows]
+            likeness[i] = a @ b / max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-12)
+            gain[i] = a @ b / max(float(a @ a), 1e-12)
+        best = int(np.argmax(np.abs(likeness)))
+        if abs(likeness[best]) > _LIKENESS:
+            self.complaint = _wrong_gain(float(gain[best]))
+        elif total > _UNLIKE_TURN:
+            self.complaint = "its turns are not those of the film; give the odometry of this drive"
+
+
+def _wrong_gain(gain: float) -> str:
+    if _TOLERABLE < gain < 1.0 / _TOLERABLE:
+        return ""  # wheels that skid in turns
+    if gain < 0:
+        return "it turns the other way than the film; yaw grows to the left, x is ahead, y to the left"
+    unit = "; yaw is in radians" if 30 < gain < 90 else ""
+    return f"it turns {gain:.2f} times as far as the film{unit}"
