@@ -56,6 +56,12 @@ def test_wheels_on_the_right_clock_are_left_alone(stretch: float) -> None:
     assert check.offset is None and not check.complaint
 
 
+def test_wheels_that_were_blocked_for_long_are_no_foreign_ones() -> None:
+    wheels = drive(TIMES)
+    wheels[40:85] = wheels[40]
+    assert not judged(wheels).complaint
+
+
 def test_a_steady_turn_tells_nothing_of_the_clock() -> None:
     check, rate = OdometryCheck(), 0.4
     for t in TIMES:

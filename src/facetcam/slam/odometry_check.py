@@ -23,6 +23,8 @@ _DISTINCT = 1.3
 _FRAME_SHARE = 0.4  # offsets below this share of the frame interval do no harm
 _LIKENESS = 0.9  # correlation that shows two courses to be the same but for their unit
 _TOLERABLE = 0.5
+_TURNING = 0.01  # radians between two frames
+_LEAST_SHARED = 0.5
 _UNLIKE_TURN = 2.5  # radians after which courses that differ belong to different drives
 
 
@@ -108,8 +110,15 @@ class OdometryCheck:
         best = int(np.argmax(np.abs(likeness)))
         if abs(likeness[best]) > _LIKENESS:
             self.complaint = _wrong_gain(float(gain[best]))
-        elif total > _UNLIKE_TURN:
+        elif total > _UNLIKE_TURN and _shared(seen, turned) < _LEAST_SHARED:
             self.complaint = "its turns are not those of the film; give the odometry of this drive"
+
+
+def _shared(seen: Array, turned: Array) -> float:
+    """Largest share of the turns, over all lags, that the wheels made too: they may stand blocked for long."""
+    turning = np.abs(seen) > _TURNING
+    fits = np.abs(turned - seen) < _AGREES * np.abs(seen) + _TURNING
+    return float((fits & turning).sum(axis=1).max() / max(turning.sum(), 1))
 
 
 def _wrong_gain(gain: float) -> str:
