@@ -115,7 +115,7 @@ class OdometryCheck:
 
 
 def _shared(seen: Array, turned: Array) -> float:
-    """Largest share of the turns, over all lags, that the wheels made too: they may stand blocked for long."""
+    """Largest share of the turns, over all lags, that the wheels made too, since they may stand blocked."""
     turning = np.abs(seen) > _TURNING
     fits = np.abs(turned - seen) < _AGREES * np.abs(seen) + _TURNING
     return float((fits & turning).sum(axis=1).max() / max(turning.sum(), 1))
