@@ -69,14 +69,8 @@ def summarise(
     saved_map: Path | None,
 ) -> Summary:
     """The run in numbers."""
-<<<<<<< HEAD
-    warnings = [*inputs.source.warnings, *filter(None, [slam.rig_check.complaint])]
-    warnings += drop_warning(record, slam.dropped, inputs.source.live)
-=======
     warnings = [*inputs.source.warnings, *doubts(slam, inputs)]
-    if slam.dropped:
-        warnings.append(f"{slam.dropped} of {record.frames} frames were dropped to keep up with real time")
->>>>>>> 243fbe9 (Judge wheel odometry by the images: slip and jumps passed over, clocks corrected, foreign tables refused)
+    warnings += drop_warning(record, slam.dropped, inputs.source.live)
     errors = None
     if inputs.truth is not None:
         try:
@@ -106,14 +100,6 @@ def summarise(
     )
 
 
-<<<<<<< HEAD
-def drop_warning(record: SlamRecord, dropped: int, live: bool) -> list[str]:
-    """One line where frames were left out to keep up, by tracking or by a camera that could not wait."""
-    missed = record.offered - record.frames if live else 0
-    if not dropped + missed:
-        return []
-    return [f"{dropped + missed} of {record.frames + missed} frames were dropped to keep up with real time"]
-=======
 def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
     """What the images say against the rig and the odometry."""
     found = [slam.rig_check.complaint] if slam.rig_check.complaint else []
@@ -122,7 +108,14 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
         seconds = abs(inputs.odometry_offset)
         found.append(f"the odometry's clock is {seconds:.2f} s {side} the film's; corrected")
     return found
->>>>>>> 243fbe9 (Judge wheel odometry by the images: slip and jumps passed over, clocks corrected, foreign tables refused)
+
+
+def drop_warning(record: SlamRecord, dropped: int, live: bool) -> list[str]:
+    """One line where frames were left out to keep up, by tracking or by a camera that could not wait."""
+    missed = record.offered - record.frames if live else 0
+    if not dropped + missed:
+        return []
+    return [f"{dropped + missed} of {record.frames + missed} frames were dropped to keep up with real time"]
 
 
 def count_tracked(record: SlamRecord, times: Array) -> int:
