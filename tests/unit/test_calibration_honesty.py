@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from calibration_worlds import boards, disturbed, sightings_of, walk
 
+from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.preflight import preflight
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.solve import solve
 from facetcam.calibration.synthetic import projected_sightings
 from facetcam.calibration.validation import validate
-from facetcam.rig import presets
+from facetcam.rig import Rig, presets
 
 NOISE = 0.1
 RIG, SET = presets.ryu(), boards(8, True)
@@ -34,8 +36,6 @@ def test_held_out_photos_fit_as_well_as_noise_allows(calibration: Calibration) -
 
 
 def test_maps_predict_the_error_of_the_views(calibration: Calibration) -> None:
-    from facetcam.calibration.difference import projection_difference, room_points
-
     points = room_points(RIG, list(RIG.views), 300, span=(1.9, 2.1))
     real = projection_difference(RIG, calibration.rig, points).by_view
     for m in validate(calibration).maps:
@@ -43,6 +43,14 @@ def test_maps_predict_the_error_of_the_views(calibration: Calibration) -> None:
         assert np.nanmedian(m.sigma_mm) == pytest.approx(
             np.nanmedian(m.sigma_px) / 1250 * m.depth * 1e3, rel=0.3
         )
+
+
+def test_the_rig_file_carries_what_is_known(calibration: Calibration, tmp_path: Path) -> None:
+    calibration.rig.save(tmp_path / "rig.yaml")
+    back = Rig.load(tmp_path / "rig.yaml")
+    assert back.covariance is not None and set(back.covariance.axes) == {"front", "back", "left", "right"}
+    np.testing.assert_array_equal(back.covariance.matrix, calibration.parameters.covariance)
+    assert back.solved_from == calibration.rig.solved_from and calibration.nominal.solved_from is None
 
 
 def test_names_the_photos_of_another_camera() -> None:

@@ -13,6 +13,7 @@ from facetcam.calibration.fit import Fit
 from facetcam.calibration.least_squares import normal_equations, restricted
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.result import Parameters
+from facetcam.rig.covariance import Axes, RigCovariance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -67,7 +68,7 @@ class Knowledge:
         """Of the free numbers (F, F), SI units; open directions have the drawing's tolerance."""
         values, vectors = self._eigen
         scaled = (vectors / (values + 1.0)) @ vectors.T
-        return self.tolerance[:, None] * scaled * self.tolerance
+        return self.tolerance[:, None] * (0.5 * (scaled + scaled.T)) * self.tolerance
 
     @property
     def sigma(self) -> Array:
@@ -115,6 +116,19 @@ def parameters_of(fit: Fit, known: Knowledge) -> Parameters:
         known.sigma * factors,
         known.covariance,
     )
+
+
+def rig_covariance(fit: Fit, known: Knowledge) -> RigCovariance:
+    """What a rig file keeps of it: the tilts now about the mirrors as built."""
+    axes = {}
+    for name, plane in zip(_mirrors(fit).names, _mirrors(fit).planes):
+        turned = plane.axes @ plane.motion()[:3, :3].T
+        pivot = plane.pivot + plane.values[2] * plane.plane[0]
+        u, v, p = ((float(x), float(y), float(z)) for x, y, z in (*turned, pivot))
+        axes[name] = Axes(u, v, p)
+    names = tuple(known.names[i] for i in known.free)
+    used = {name.partition(": ")[0] for name in names}
+    return RigCovariance(names, known.covariance, {m: a for m, a in axes.items() if m in used})
 
 
 def _mirrors(fit: Fit) -> MirrorOptics:

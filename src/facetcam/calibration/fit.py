@@ -92,7 +92,7 @@ class Fit:
         """The rig as it stands."""
         optics = self.state.optics
         assert isinstance(optics, MirrorOptics)
-        return replace(optics.rig(self.nominal), camera=self.camera)
+        return replace(optics.rig(self.nominal), camera=self.camera, covariance=None, solved_from=None)
 
     @property
     def residuals(self) -> Array:

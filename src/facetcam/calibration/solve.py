@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from facetcam.calibration.assignment import assign
 from facetcam.calibration.boards import BoardSet
-from facetcam.calibration.covariance import knowledge, parameters_of
+from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import with_moved_boards, without_other_cameras
@@ -126,7 +127,7 @@ def _calibration(
         for s, b, p in zip(fit.sightings, fit.looks.board, fit.looks.station)
     }
     return Calibration(
-        rig=fit.rig,
+        rig=replace(fit.rig, covariance=rig_covariance(fit, known), solved_from=_origin(fit, boards)),
         nominal=fit.nominal,
         boards=boards,
         T_rig_board=poses,
@@ -146,6 +147,15 @@ def _calibration(
         seconds=time.perf_counter() - began,
         fit=fit,
     )
+
+
+def _origin(fit: Fit, boards: BoardSet) -> str:
+    """Digest of all that the solve went on."""
+    content = hashlib.sha256(f"{fit.nominal.digest} {boards.digest} {boards.fixed}".encode())
+    for s in fit.sightings:
+        content.update(f"{s.photo} {s.board} {s.view}".encode())
+        content.update(s.corners.astype("<i8").tobytes() + s.pixels.astype("<f8").tobytes())
+    return content.hexdigest()
 
 
 class _Steps:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from facetcam.config import from_mapping, nearest, read_yaml
 from facetcam.errors import ConfigError, RigError
+from facetcam.rig import covariance
 from facetcam.rig.camera import Camera
 from facetcam.rig.mirrors import Glass, Mirror
 from facetcam.rig.rig import Rig
@@ -25,6 +27,7 @@ Built = TypeVar("Built")
 Array = NDArray[np.float64]
 Row4 = tuple[float, float, float, float]
 
+_KEYS = ("camera", "mirrors", "views", "covariance", "solved_from")
 _EXACT = 1e-9  # largest deviation of R R' from the identity in a file written with all digits
 _LARGEST = 1e9  # of any number in a rig file
 _ROUNDED = 1e-4  # and in one written with four
@@ -103,8 +106,8 @@ def from_document(node: object) -> Rig:
     sections = _named(node, "rig", lambda name, node: node)
     for key, content in sections.items():
         _check_range(content, key)
-        if key not in ("camera", "mirrors", "views"):
-            raise RigError(f"unknown key {key!r}; {nearest(key, ('camera', 'mirrors', 'views'))}")
+        if key not in _KEYS:
+            raise RigError(f"unknown key {key!r}; {nearest(key, _KEYS)}")
     for key in ("camera", "views"):
         if key not in sections:
             raise RigError(f"missing key {key!r}")
@@ -115,7 +118,15 @@ def from_document(node: object) -> Rig:
         _without_rounding(np.array(camera.T_rig_cam)),
         _named(sections.get("mirrors") or {}, "mirrors", _mirror),
         _named(sections["views"], "views", _view),
+        covariance.from_node(sections.get("covariance")),
+        _solved_from(sections.get("solved_from")),
     )
+
+
+def _solved_from(node: object) -> str | None:
+    if node is not None and not (isinstance(node, str) and re.fullmatch(r"[0-9a-f]{8,128}", node)):
+        raise RigError("solved_from: takes the digest that a calibration wrote, hexadecimal")
+    return node
 
 
 def _without_rounding(T: Array) -> Array:
@@ -165,6 +176,11 @@ def _view(name: str, node: object) -> View:
 
 def document(rig: Rig) -> dict[str, Any]:
     """All that the rig's file says, as plain lists, names and numbers."""
+    known = {} if rig.covariance is None else {"covariance": covariance.to_node(rig.covariance)}
+    return _geometry(rig) | known | ({} if rig.solved_from is None else {"solved_from": rig.solved_from})
+
+
+def _geometry(rig: Rig) -> dict[str, Any]:
     camera = rig.camera
     return {
         "camera": {

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from facetcam.errors import FacetcamError, RigError
 from facetcam.geometry import glass, reflection, se3
 from facetcam.rig.camera import Camera
+from facetcam.rig.covariance import RigCovariance
 from facetcam.rig.mirrors import Mirror
 from facetcam.rig.view import View, check_views
 from facetcam.rig.visibility import Visibility
@@ -32,6 +33,10 @@ class Rig:
         Pose of the real camera in the rig frame (z up, y front, x right), metres.
     mirrors : mapping of name to Mirror
     views : mapping of name to View
+    covariance : RigCovariance, optional
+        How well a calibration knows the numbers.
+    solved_from : str, optional
+        Digest of the photos' corners, boards and drawing that the calibration came from.
 
     Raises
     ------
@@ -43,10 +48,14 @@ class Rig:
     T_rig_cam: Array
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
     views: Mapping[str, View] = field(default_factory=lambda: {"front": View()})
+    covariance: RigCovariance | None = None
+    solved_from: str | None = None
 
     def __post_init__(self) -> None:
         check_pose(self.T_rig_cam)
         check_views(self.mirrors, self.views)
+        if self.covariance is not None:
+            self.covariance.check(self.mirrors)
 
     @classmethod
     def load(cls, path: str | Path) -> Rig:
