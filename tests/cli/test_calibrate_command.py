@@ -79,5 +79,10 @@ def test_ten_photos_of_the_house(facetcam: Facetcam, shared_data: Path, tmp_path
     page = (out / "report.html").read_text()
     assert "Residuals of each view" in page
     assert (out / "export" / "camchain.yaml").exists()
+    assert summary["held_out_rms"] < 0.08
+    check = facetcam("calibrate", folder, *arguments, "--check", "--out", tmp_path / "check")
+    assert check.exit_code == 0, check.output
+    assert "enough" in check.output
+    assert not (tmp_path / "check").exists()
     in_memory = package.calibrate(sorted(folder.iterdir()), boards, house / "rig_nominal.yaml")
     assert abs(in_memory.rig.camera.fx - solved.camera.fx) < 1e-6

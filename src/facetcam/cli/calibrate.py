@@ -26,15 +26,29 @@ def calibrate(
         Path | None, typer.Option(help="Intrinsics to begin with: OpenCV YAML or Kalibr camchain.")
     ] = None,
     out: OutOption = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Only tell what the photos can determine and which to add.")
+    ] = False,
+    holdout: Annotated[
+        bool, typer.Option("--holdout/--no-holdout", help="Judge on photos left out, and on halves.")
+    ] = True,
     cache: Annotated[
         Path | None, typer.Option(help="Folder for what was found in photos (default: the user's cache).")
     ] = None,
 ) -> None:
     """Calibrate a rig from photos of boards: rig.yaml, its uncertainty, and a report."""
-    from facetcam.pipelines.calibrate import run_calibration
+    from facetcam.pipelines.calibrate import run_calibration, run_check
 
     folder = output_folder(out, f"{images.resolve().name}-rig")
-    result = run_calibration(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=progress_bar)
+    if check:
+        run = run_check(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=progress_bar)
+        for warning in run.warnings:
+            warn(warning)
+        print_pairs("check", run.rows())
+        raise typer.Exit(0 if run.preflight.enough else 1)
+    result = run_calibration(
+        images, boards, folder, rig=rig, camera=camera, holdout=holdout, cache=cache, stage=progress_bar
+    )
     for warning in result.warnings:
         warn(warning)
     for finding in result.calibration.findings:
@@ -52,7 +66,7 @@ def rows_of(result: Calibrated) -> list[tuple[str, str]]:
     if validation is not None:
         judged = [
             ("held-out photos", validation.held_out_rms),
-            ("from view to view", validation.cross_view_rms),
+            ("from one view to the others", validation.cross_view_rms),
             ("between two halves", validation.split_half_rms),
         ]
         rows += [(label, f"{value:.3f} px RMS") for label, value in judged if value == value]

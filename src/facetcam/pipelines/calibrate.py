@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.calibration.boards import BoardSet, read_boards
-from facetcam.calibration.result import Calibration, Validation
+from facetcam.calibration.result import Calibration, Preflight, Validation
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.io.intrinsics import read_intrinsics
@@ -65,6 +65,34 @@ class Seen:
         return [s for photo in self.photos for s in photo.sightings]
 
 
+@dataclass(frozen=True, eq=False)
+class Checked:
+    """What `run_check` found."""
+
+    preflight: Preflight
+    seen: Seen
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was not as it should be."""
+        return (*self.seen.warnings, *(finding.text for finding in self.preflight.findings))
+
+    def rows(self) -> list[tuple[str, str]]:
+        """The check in a few lines: what is seen, what can be known, what to add."""
+        names = [board.name for board in self.seen.boards.boards]
+        count = [sum(s.board == i for s in self.seen.sightings) for i in range(len(names))]
+        found = self.preflight
+        return [
+            ("photos", str(len(self.seen.photos))),
+            ("sightings a board", ", ".join(f"{name} {n}" for name, n in zip(names, count))),
+            ("sightings a view", ", ".join(f"{view} {n}" for view, n in found.sightings.items())),
+            ("enough", "yes" if found.enough else "no"),
+            *(("expected sigma", f"{name}: {sigma}") for name, sigma in found.expected.items()),
+            *(("cannot be known", unknown.what) for unknown in found.unobservable),
+            *(("add", advice) for advice in found.advice),
+        ]
+
+
 def run_calibration(
     images: Images,
     boards: BoardSet | Path | str,
@@ -72,6 +100,7 @@ def run_calibration(
     *,
     rig: Rig | Path | str | None = None,
     camera: Path | str | None = None,
+    holdout: bool = True,
     cache: Path | str | None = None,
     stage: Stage = unwatched,
 ) -> Calibrated:
@@ -89,6 +118,8 @@ def run_calibration(
         As drawn. Without it the views, direct and through single mirrors, are found from the photos.
     camera : path, optional
         Intrinsics to begin with (OpenCV YAML or Kalibr camchain) in place of the drawing's.
+    holdout : bool
+        Judge the result on photos left out, and by halves of the set; takes several solves more.
     cache : path, optional
         Folder for what was found in the photos (default: the user's cache), so that a run cut short, or
         another solve, begins where they were.
@@ -112,8 +143,11 @@ def run_calibration(
         told = [*warnings, f"the judging was cut short: {reason}"] if reason else warnings
         write_calibration(calibration, validation, seen.photos, second, folder, told)
 
-    with keeping(folder, write), stage("writing"):
-        write()
+    with keeping(folder, write):
+        if holdout:
+            validation = judged(calibration, second, stage, warnings)
+        with stage("writing"):
+            write()
     return Calibrated(calibration, validation, seen.photos, folder, tuple(warnings))
 
 
@@ -185,6 +219,39 @@ def begun(seen: Seen, stage: Stage) -> tuple[Rig, list[Sighting]]:
     with stage("finding mirrors"):
         size = seen.photos[0].size
         return bootstrap(seen.boards, seen.sightings, size)
+
+
+def judged(
+    calibration: Calibration, second: SecondLook, stage: Stage, warnings: list[str]
+) -> Validation | None:
+    """How good the result is; None, with a warning, where the photos are too few to tell."""
+    from facetcam.calibration.validation import validate
+
+    with stage("judging") as progress:
+        try:
+            return validate(calibration, progress=progress)
+        except FacetcamError as error:
+            warnings.append(f"the result could not be judged: {error}")
+            return None
+
+
+def run_check(
+    images: Images,
+    boards: BoardSet | Path | str,
+    out: Path | str,
+    *,
+    rig: Rig | Path | str | None = None,
+    camera: Path | str | None = None,
+    cache: Path | str | None = None,
+    stage: Stage = unwatched,
+) -> Checked:
+    """Tell before the solve what the photos can determine and which to add; see `run_calibration`."""
+    from facetcam.calibration.preflight import preflight
+
+    seen = look(images, boards, out, rig=rig, camera=camera, cache=cache, stage=stage)
+    nominal, sightings = begun(seen, stage)
+    with stage("checking"):
+        return Checked(preflight(nominal, seen.boards, sightings), seen)
 
 
 def calibrate(

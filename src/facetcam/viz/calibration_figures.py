@@ -113,13 +113,16 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
         titled(
             axes,
             entry.view,
-            f"median {np.nanmedian(entry.sigma_px):.3f} px\n{np.nanmedian(entry.sigma_mm):.2f} mm",
+            f"{np.nanmedian(entry.sigma_px):.3f} px\n{np.nanmedian(entry.sigma_mm):.2f} mm",
         )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
         bar.outline.set_visible(False)
         bar.ax.tick_params(colors=MUTED, length=0, which="both", labelsize=8)
         bar.set_label("sigma (px)", color=MUTED)
+        marks = np.geomspace(norm.vmin or low, norm.vmax or high, 4)
+        bar.set_ticks(list(marks), labels=[f"{mark:.2g}" for mark in marks])
+        bar.minorticks_off()
     return to_svg(figure)
 
 

@@ -64,7 +64,7 @@ def context_of(report: CalibrationReport) -> dict[str, Any]:
         "tiles": words.tiles(calibration, validation),
         "notes": notes_of(report),
         "figures": {name: Markup(svg) for name, svg in drawn(report).items()},
-        "depth": f"{validation.maps[0].depth:g}" if validation and validation.maps else "",
+        "depth": f"{validation.maps[0].depth:.2g}" if validation and validation.maps else "",
         "deviations": [words.deviation_row(d) for d in validation.deviations] if validation else [],
         "parameters": words.camera_rows(calibration),
         "outliers": [{"caption": p.caption, "uri": data_uri(to_bgr8(p.image))} for p in report.outliers],

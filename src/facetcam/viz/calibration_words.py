@@ -50,16 +50,16 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
     """Headline numbers: label, value, grade."""
     rejected = sum(int(np.count_nonzero(~f.kept)) for f in calibration.sightings)
     total = sum(len(f.sighting) for f in calibration.sightings)
-    found = [("residual, RMS", f"{calibration.rms():.3f} px", "")]
+    found = [("residual (RMS)", f"{calibration.rms():.3f}\u00a0px", "")]
     if validation is not None:
         grade = GOOD if validation.held_out_rms <= NOISE_RATIO * math.sqrt(2.0) * calibration.noise else FAIR
-        found += _known("held-out photos, RMS", validation.held_out_rms, " px", grade)
-        found += _known("from view to view, RMS", validation.cross_view_rms, " px", "")
-        found += _known("between two halves, RMS", validation.split_half_rms, " px", "")
+        found += _known("held-out photos", validation.held_out_rms, "\u00a0px", grade)
+        found += _known("from one view to the others", validation.cross_view_rms, "\u00a0px", "")
+        found += _known("between two halves", validation.split_half_rms, "\u00a0px", "")
         if validation.flatness is not None:
             flat = validation.flatness.flat
             found.append(("mirrors", "flat" if flat else "not flat", GOOD if flat else BAD))
-    found.append(("corners rejected", f"{100 * rejected / max(total, 1):.1f} %", ""))
+    found.append(("corners rejected", f"{100 * rejected / max(total, 1):.1f}\u00a0%", ""))
     unknown = sum(not u.harmless for u in calibration.unobservable)
     found.append(("not determined", str(unknown), BAD if unknown else GOOD))
     return found
