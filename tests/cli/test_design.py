@@ -40,6 +40,17 @@ def test_a_drawing_becomes_a_rig_and_its_report(facetcam: Facetcam, drawing: Pat
     assert (tmp_path / "again" / "rig.yaml").read_text() == (out / "rig.yaml").read_text()
 
 
+def test_what_the_workshop_needs(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = facetcam("design", drawing, "--make", "--no-tolerance", "--out", out)
+    assert result.exit_code == 0, result.output
+    names = {path.name for path in (out / "make").iterdir()}
+    mirrors = ("base", "front", "left", "back", "right")
+    drawn = {f"{mirror}.{kind}" for mirror in mirrors for kind in ("svg", "dxf")}
+    assert names == drawn | {"holder-facets.stl", "holder-base.stl", "parts.csv"}
+    assert (out / "make" / "parts.csv").read_text().count("\n") == 1 + 5 + 1 + 2
+
+
 def test_a_search_writes_what_it_found(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:
     drawing.write_text(drawing.read_text() + "search: {generations: 3, population: 4}\n")
     out = tmp_path / "out"

@@ -31,6 +31,9 @@ def design(
     tolerance: Annotated[
         bool, typer.Option(help="Simulate builds with errors, and their calibration.")
     ] = True,
+    make: Annotated[
+        bool, typer.Option("--make", help="Also templates to cut (SVG, DXF) and a holder to print (STL).")
+    ] = False,
     seed: Annotated[int, typer.Option(min=0, help="Of the search and of the build errors.")] = 0,
 ) -> None:
     """Draw a mirror rig: what it will see, its best camera, how well it must be built."""
@@ -40,7 +43,14 @@ def design(
     if goal is not None and not search:
         raise typer.BadParameter("a goal is for --search", param_hint="'--goal'")
     result = run_design(
-        spec, folder, search_best=search, goal=goal, tolerance=tolerance, seed=seed, stage=progress_bar
+        spec,
+        folder,
+        search_best=search,
+        goal=goal,
+        tolerance=tolerance,
+        make=make,
+        seed=seed,
+        stage=progress_bar,
     )
     analysis = result.analysis
     rows = [

@@ -116,6 +116,18 @@ class Tolerance:
 
 
 @dataclass(frozen=True, slots=True)
+class Making:
+    """How mirrors are made: thickness of the glass behind the reflecting surface, width of the cut."""
+
+    thickness_mm: float = 2.0
+    kerf_mm: float = 0.2
+
+    def __post_init__(self) -> None:
+        if min(self.thickness_mm, self.kerf_mm) < 0:
+            raise ConfigError("making: thickness_mm and kerf_mm must be zero or more")
+
+
+@dataclass(frozen=True, slots=True)
 class Bounds:
     """Range of each parameter that a search may change; equal ends, or none, keep it."""
 
@@ -167,6 +179,7 @@ class DesignSpec:
     body: Body = Body()
     tolerance: Tolerance = Tolerance()
     search: Search = Search()
+    making: Making = Making()
     title: str | None = None
 
     def __post_init__(self) -> None:

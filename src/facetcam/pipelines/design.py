@@ -22,8 +22,9 @@ from facetcam.design.spec import GOALS, DesignSpec, Goal, read_spec
 from facetcam.design.tolerance import ToleranceReport, simulate_builds
 from facetcam.errors import ConfigError, RigError
 from facetcam.geometry import se3
-from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
+from facetcam.io.outputs import atomic_write, fresh_folder, require_absent, writing
 from facetcam.pipelines.progress import Progress, silent
+from facetcam.pipelines.workshop import workshop_files
 from facetcam.rig import Rig
 from facetcam.viz.design_page import DesignReport, write_design_report
 
@@ -60,6 +61,7 @@ def run_design(
     search_best: bool = False,
     goal: str | None = None,
     tolerance: bool = True,
+    make: bool = False,
     seed: int = 0,
     stage: Stage = unwatched,
 ) -> Design:
@@ -77,6 +79,8 @@ def run_design(
         What the search maximises, as in `coverage` or `coverage=1,baseline=0.5`; replaces the design's.
     tolerance : bool
         Simulate builds with errors.
+    make : bool
+        Also write `make/`: templates to cut (SVG, DXF), a bill of parts, a holder to print (STL).
     seed : int
         Of the search and of the build errors.
     stage : callable
@@ -102,9 +106,10 @@ def run_design(
     if tolerance:
         with stage("building with errors") as progress:
             builds = simulate_builds(rig, spec.tolerance, seed, spec.body, progress)
+    workshop = workshop_files(rig, spec) if make else {}
     folder = fresh_folder(out)
     design = Design(spec, analysis, best_cameras(rig, spec), builds, found, folder)
-    write_design(design, Path(source).stem.replace("preset:", ""))
+    write_design(design, Path(source).stem.replace("preset:", ""), workshop)
     return design
 
 
@@ -147,7 +152,7 @@ def parse_goal(text: str) -> Goal:
     return from_mapping(Goal, weights, "goal")
 
 
-def write_design(design: Design, name: str) -> None:
+def write_design(design: Design, name: str, workshop: dict[str, bytes]) -> None:
     """Write all files of a design into its folder."""
     rig, folder = design.analysis.rig, design.out
     rig.save(folder / "rig.yaml")
@@ -159,6 +164,12 @@ def write_design(design: Design, name: str) -> None:
         atomic_write(folder / "design.yaml", design_yaml(design.spec))
         files.insert(1, ("design.yaml", "the drawing, to be changed and designed again"))
     atomic_write(folder / "design.json", json.dumps(numbers(design), indent=2, allow_nan=False) + "\n")
+    if workshop:
+        with writing(folder / "make"):
+            (folder / "make").mkdir()
+        for file, data in workshop.items():
+            atomic_write(folder / "make" / file, data)
+        files.append(("make/", f"{', '.join(workshop)}: to cut and to print, in millimetres"))
     title = design.spec.title or name
     report = DesignReport(
         title, design.spec, design.analysis, design.optimum, design.tolerance, design.found, files
