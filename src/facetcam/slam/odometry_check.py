@@ -25,7 +25,7 @@ _LIKENESS = 0.9  # correlation that shows two courses to be the same but for the
 _TOLERABLE = 0.5
 _TURNING = 0.01  # radians between two frames
 _LEAST_SHARED = 0.5
-_UNLIKE_TURN = 2.5  # radians after which courses that differ belong to different drives
+_UNLIKE_TURN = 2.0  # radians after which courses that differ belong to different drives
 
 
 class OdometryCheck:
