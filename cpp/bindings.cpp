@@ -8,5 +8,6 @@ NB_MODULE(_core, m) {
     facetcam::bind_raycast(m);
     facetcam::bind_remap(m);
     facetcam::bind_tracing(m);
+    facetcam::bind_triangles(m);
     facetcam::bind_patch(m);
 }

@@ -15,6 +15,7 @@ void bind_patch(nanobind::module_& m);
 void bind_raycast(nanobind::module_& m);
 void bind_remap(nanobind::module_& m);
 void bind_tracing(nanobind::module_& m);
+void bind_triangles(nanobind::module_& m);
 
 // Hands a vector over to NumPy without a copy.
 template <class Array, class T>

@@ -127,3 +127,30 @@ def refine_pose(
     sigma: float,
     max_steps: int,
 ) -> NDArray[np.float64]: ...
+
+class TriangleShader:
+    def __init__(
+        self,
+        triangles: NDArray[np.uint8],
+        uv: NDArray[np.float32],
+        materials: NDArray[np.uint8],
+        texels: NDArray[np.uint8],
+        places: int,
+    ) -> None: ...
+    def shade(
+        self,
+        light: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        travelled: NDArray[np.float32],
+        hits: NDArray[np.uint8],
+        ray_angle: float,
+        threads: int,
+    ) -> NDArray[np.float32]: ...
+
+def cast_triangles(
+    intersect: int,
+    scene: int,
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    threads: int,
+) -> NDArray[np.uint8]: ...

@@ -17,6 +17,7 @@ from facetcam.cli.evaluate_detectors import detectors
 from facetcam.cli.evaluate_trajectory import trajectory
 from facetcam.cli.failures import DEBUG, in_one_line
 from facetcam.cli.map import info
+from facetcam.cli.simulate import simulate
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
 
@@ -48,7 +49,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (demo, slam, unwrap, boards, calibrate, detect, design):
+for command in (demo, slam, simulate, unwrap, boards, calibrate, detect, design):
     app.command()(in_one_line(command))
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 
 Array = NDArray[np.float64]
@@ -61,6 +62,41 @@ def round_the_table(frames: int, fps: float = 10.0, height: float = 0.85, bumps:
     z, pitch = height + (front + rear) / 2, np.arctan2(front - rear, WHEELBASE)
     poses = np.array([_pose(*values) for values in zip(x, y, z, yaw, pitch)])
     return Drive(times, poses)
+
+
+def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 0.9) -> Drive:
+    """Drive along a smooth curve through points on the floor, facing along it.
+
+    Parameters
+    ----------
+    waypoints : (N, 2) array
+        x, y in metres; two or more. The curve is closed where the last one is the first.
+    fps, speed, height : float
+        Frames and metres a second, and metres of the rig above z = 0.
+
+    Raises
+    ------
+    FacetcamError
+        If there are too few points, neighbouring ones coincide, or a number is not above zero.
+    """
+    points = np.asarray(waypoints, dtype=np.float64).reshape(-1, 2)
+    apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    if len(points) < 2 or not np.isfinite(points).all() or apart.min() < 1e-6:
+        raise FacetcamError("waypoints: give two or more finite points, neighbours apart from each other")
+    if not (fps > 0 and speed > 0):
+        raise FacetcamError(f"drive: fps {fps:g} and speed {speed:g} must be above zero")
+    from scipy.interpolate import CubicSpline
+
+    closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
+    along = np.concatenate([[0.0], np.cumsum(apart)])
+    curve = CubicSpline(along, points, bc_type="periodic" if closed else "natural")
+    fine = np.linspace(0.0, along[-1], 200 * len(points))
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve(fine), axis=0), axis=1))])
+    times = np.arange(max(2, int(length[-1] / speed * fps) + 1)) / fps
+    place = np.interp(speed * times, length, fine)
+    x, y = curve(place).T
+    yaw = np.arctan2(*curve(place, 1).T[::-1])
+    return Drive(times, np.array([_pose(*values, 0.0) for values in zip(x, y, np.full(len(x), height), yaw)]))
 
 
 def wheel_odometry(

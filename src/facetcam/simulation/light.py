@@ -65,9 +65,9 @@ def bake(scene: Scene, trace: Tracer) -> LightMaps:
         offset += columns * rows
     place, normal = np.concatenate(points), np.concatenate(normals)
     place = place + _LIFT * normal
-    openness = _openness(place, normal, trace)
+    open_share = openness(place, normal, trace)
     irradiance = [
-        _direct(lamp, place, normal, trace) + SCATTERED * lamp.power * openness for lamp in scene.lamps
+        direct(lamp, place, normal, trace) + SCATTERED * lamp.power * open_share for lamp in scene.lamps
     ]
     return LightMaps(
         scene.lamps,
@@ -89,28 +89,30 @@ def _sphere(count: int) -> Array:
     return np.column_stack([np.cos(angle) * np.sqrt(1 - z * z), np.sin(angle) * np.sqrt(1 - z * z), z])
 
 
-def _direct(lamp: Lamp, place: Array, normal: Array, trace: Tracer) -> Array:
+def direct(lamp: Lamp, place: Array, normal: Array, trace: Tracer, rays: int = _SHADOW_RAYS) -> Array:
     """Lambert's law with the share of the lamp's ball that is in sight."""
     total = np.zeros(len(place))
     facing = None if lamp.facing is None else np.asarray(lamp.facing)
-    for point in np.asarray(lamp.position) + LAMP_RADIUS * _sphere(_SHADOW_RAYS):
+    for point in np.asarray(lamp.position) + LAMP_RADIUS * _sphere(rays):
         towards = point - place
         length = np.linalg.norm(towards, axis=1)
         slope = np.einsum("ij,ij->i", towards, normal) / length
         lit = slope > 0
+        if not lit.any():
+            continue
         lit[lit] = trace(place[lit], towards[lit] / length[lit, None])["distance"] >= length[lit]
         strength = slope / np.square(length)
         if facing is not None:
             strength *= np.maximum(-towards @ facing / length, 0.0)
         total[lit] += strength[lit]
-    return lamp.power * total / _SHADOW_RAYS
+    return lamp.power * total / rays
 
 
-def _openness(place: Array, normal: Array, trace: Tracer) -> Array:
+def openness(place: Array, normal: Array, trace: Tracer, rays: int = _CORNER_RAYS) -> Array:
     """Ambient obscurance: 1 where the surroundings are further than REACH, less in corners."""
     total = np.zeros(len(place))
-    for direction in _sphere(_CORNER_RAYS):
+    for direction in _sphere(rays):
         bent = normal * 1.001 + direction  # cosine-weighted about the normal
         bent /= np.linalg.norm(bent, axis=1, keepdims=True)
         total += np.minimum(trace(place, bent)["distance"] / REACH, 1.0)
-    return total / _CORNER_RAYS
+    return total / rays

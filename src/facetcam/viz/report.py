@@ -95,9 +95,10 @@ class DemoReport:
 
 @dataclass(frozen=True, slots=True)
 class UnwrapReport:
-    """A contact sheet: some frames, each a row of its unwrapped views."""
+    """A contact sheet: some frames in rows, or each with its unwrapped views."""
 
     title: str
     rows: Sequence[Sequence[Picture]]
     interrupted: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
+    kind: str = "Unwrapped views"

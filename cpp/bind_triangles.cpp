@@ -1,0 +1,119 @@
+// Python border of triangle scenes: checks that tables belong together, releases the GIL.
+#include <algorithm>
+#include <stdexcept>
+
+#include "bindings.hpp"
+#include "triangles.hpp"
+
+namespace nb = nanobind;
+
+namespace facetcam {
+namespace {
+
+template <class T, int Columns>
+using Table = nb::ndarray<const T, nb::shape<-1, Columns>, nb::c_contig, nb::device::cpu>;
+template <class Row>
+using Rows = Table<std::uint8_t, sizeof(Row)>;
+using Travelled = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Light = nb::ndarray<const float, nb::shape<-1, 2, 3>, nb::c_contig, nb::device::cpu>;
+using HitRows = nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<2>>;
+using Radiance = nb::ndarray<nb::numpy, float, nb::ndim<2>>;
+
+static_assert(sizeof(Triangle) == 40 && sizeof(Material) == 32);
+
+template <class Row, class Array>
+const Row* rows(const Array& table) {
+    return reinterpret_cast<const Row*>(table.data());
+}
+
+auto cast_rays(std::uintptr_t intersect, std::uintptr_t scene, Table<float, 3> origins,
+               Table<float, 3> directions, int threads) {
+    const std::size_t count = directions.shape(0);
+    if (origins.shape(0) != count) throw std::invalid_argument("origins: expected one for each direction");
+    if (!intersect || !scene) throw std::invalid_argument("intersect, scene: expected Embree's addresses");
+    std::vector<std::uint8_t> hits(count * sizeof(Hit));
+    {
+        nb::gil_scoped_release release;
+        cast_triangles(reinterpret_cast<Intersect>(intersect), reinterpret_cast<void*>(scene),
+                       rows<Vec3>(origins), rows<Vec3>(directions), count, threads,
+                       reinterpret_cast<Hit*>(hits.data()));
+    }
+    return to_numpy<HitRows>(std::move(hits), {count, sizeof(Hit)});
+}
+
+// A scene whose tables were found to belong together once, for all frames.
+class TriangleShader {
+ public:
+    TriangleShader(Rows<Triangle> triangles, Table<float, 2> uv, Rows<Material> materials,
+                   Table<std::uint8_t, 3> texels, std::size_t places)
+        : triangles_(rows<Triangle>(triangles), rows<Triangle>(triangles) + triangles.shape(0)),
+          uv_(uv.data(), uv.data() + uv.size()),
+          materials_(rows<Material>(materials), rows<Material>(materials) + materials.shape(0)),
+          texels_(texels),
+          places_(places) {
+        for (const Material& m : materials_) {
+            std::size_t end = m.texture.offset;
+            for (int level = 0; level < m.texture.levels; ++level)
+                end += static_cast<std::size_t>(std::max(1, m.texture.width >> level)) *
+                       std::max(1, m.texture.height >> level);
+            if (m.texture.offset < 0 || m.texture.width < 1 || m.texture.height < 1 || m.texture.levels < 1 ||
+                end > texels.shape(0))
+                throw std::invalid_argument("materials: a texture leaves the texels");
+        }
+        const int corners = static_cast<int>(uv.shape(0)), kinds = static_cast<int>(materials_.size());
+        for (const Triangle& t : triangles_) {
+            const std::size_t steps = t.steps;
+            const bool fits = t.steps == 1 ? std::size_t(corners) <= places
+                                           : t.steps > 1 && t.lattice >= 0 &&
+                                                 t.lattice + (steps + 1) * (steps + 2) / 2 <= places;
+            if (!fits || t.material < 0 || t.material >= kinds ||
+                std::any_of(t.corner, t.corner + 3, [&](int c) { return c < 0 || c >= corners; }))
+                throw std::invalid_argument("triangles: a corner, material or place of light is missing");
+        }
+    }
+
+    auto shade(Light light, Table<float, 3> directions, Travelled travelled, Rows<Hit> hits, float ray_angle,
+               int threads) const {
+        const std::size_t count = directions.shape(0);
+        if (hits.shape(0) != count || travelled.shape(0) != count)
+            throw std::invalid_argument("hits, travelled: expected one for each direction");
+        if (light.shape(0) != places_) throw std::invalid_argument("light: expected one a place");
+        const auto* hit = rows<Hit>(hits);
+        const int known = static_cast<int>(triangles_.size());
+        if (std::any_of(hit, hit + count, [&](const Hit& h) { return h.surface >= known; }))
+            throw std::invalid_argument("hits: a surface that is not in the scene");
+        const TriangleScene scene = {triangles_.data(), reinterpret_cast<const float (*)[2]>(uv_.data()),
+                                     materials_.data(), rows<std::uint8_t[3]>(texels_),
+                                     reinterpret_cast<const float (*)[2][3]>(light.data())};
+        std::vector<float> radiance(3 * count);
+        {
+            nb::gil_scoped_release release;
+            shade_triangles(scene, rows<Vec3>(directions), travelled.data(), hit, count, ray_angle, threads,
+                            reinterpret_cast<float (*)[3]>(radiance.data()));
+        }
+        return to_numpy<Radiance>(std::move(radiance), {count, 3});
+    }
+
+ private:
+    std::vector<Triangle> triangles_;
+    std::vector<float> uv_;
+    std::vector<Material> materials_;
+    Table<std::uint8_t, 3> texels_;
+    std::size_t places_;
+};
+
+}  // namespace
+
+void bind_triangles(nb::module_& m) {
+    using namespace nb::literals;
+    m.def("cast_triangles", &cast_rays, "intersect"_a, "scene"_a, "origins"_a.noconvert(),
+          "directions"_a.noconvert(), "threads"_a);
+    nb::class_<TriangleShader>(m, "TriangleShader")
+        .def(nb::init<Rows<Triangle>, Table<float, 2>, Rows<Material>, Table<std::uint8_t, 3>, std::size_t>(),
+             "triangles"_a.noconvert(), "uv"_a.noconvert(), "materials"_a.noconvert(), "texels"_a.noconvert(),
+             "places"_a)
+        .def("shade", &TriangleShader::shade, "light"_a.noconvert(), "directions"_a.noconvert(),
+             "travelled"_a.noconvert(), "hits"_a.noconvert(), "ray_angle"_a, "threads"_a);
+}
+
+}  // namespace facetcam
