@@ -141,7 +141,7 @@ def run_calibration(
 
     def write(reason: str = "") -> None:
         told = [*warnings, f"the judging was cut short: {reason}"] if reason else warnings
-        write_calibration(calibration, validation, seen.photos, second, folder, told)
+        write_calibration(calibration, validation, seen.photos, second, folder, told, seen.rig is not None)
 
     with keeping(folder, write):
         if holdout:

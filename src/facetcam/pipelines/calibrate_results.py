@@ -49,6 +49,7 @@ def write_calibration(
     second: SecondLook,
     folder: Path,
     warnings: Sequence[str],
+    from_drawing: bool = True,
 ) -> None:
     """Write everything into a fresh folder.
 
@@ -57,7 +58,7 @@ def write_calibration(
     OutputError
         If a file cannot be written.
     """
-    save_rig(calibration, photos, folder / "rig.yaml")
+    calibration.rig.save(folder / "rig.yaml")
     atomic_write(folder / "residuals.csv", residuals_csv(calibration, photos))
     summary = summarise(calibration, validation, photos, warnings)
     atomic_write(folder / "summary.json", to_json(summary))
@@ -71,13 +72,9 @@ def write_calibration(
         pictures=pictures_of(calibration, photos, second),
         outliers=outliers_of(calibration, photos, second),
         facts=facts_of(calibration, summary),
+        from_drawing=from_drawing,
     )
     write_calibration_report(report, folder / "report.html")
-
-
-def save_rig(calibration: Calibration, photos: Sequence[Photo], path: Path) -> None:
-    """Write the rig with its covariance and what it was solved from."""
-    calibration.rig.save(path)
 
 
 def summarise(

@@ -48,6 +48,7 @@ class CalibrationReport:
     pictures: Sequence[Picture] = ()  # photos with their corners
     outliers: Sequence[Picture] = ()  # crops round rejected corners
     facts: Mapping[str, str] = field(default_factory=dict)
+    from_drawing: bool = True  # False when the views were found from the photos
 
 
 def write_calibration_report(report: CalibrationReport, path: Path) -> None:
@@ -65,7 +66,7 @@ def context_of(report: CalibrationReport) -> dict[str, Any]:
         "notes": notes_of(report),
         "figures": {name: Markup(svg) for name, svg in drawn(report).items()},
         "depth": f"{validation.maps[0].depth:.2g}" if validation and validation.maps else "",
-        "deviations": [words.deviation_row(d) for d in validation.deviations] if validation else [],
+        "deviations": deviations_of(report),
         "parameters": words.camera_rows(calibration),
         "outliers": [{"caption": p.caption, "uri": data_uri(to_bgr8(p.image))} for p in report.outliers],
         "pictures": [embedded(picture) for picture in report.pictures],
@@ -73,6 +74,13 @@ def context_of(report: CalibrationReport) -> dict[str, Any]:
         "photos": [photo_row(report, index) for index in range(len(report.photos))],
         "facts": report.facts,
     }
+
+
+def deviations_of(report: CalibrationReport) -> list[list[str]]:
+    """Rows of the table of mirrors; none where there was no drawing."""
+    if report.validation is None or not report.from_drawing:
+        return []
+    return [words.deviation_row(d) for d in report.validation.deviations]
 
 
 def notes_of(report: CalibrationReport) -> list[dict[str, str]]:

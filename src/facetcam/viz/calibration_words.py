@@ -9,6 +9,7 @@ import numpy as np
 from facetcam.calibration.result import Calibration, MirrorDeviation, Validation
 from facetcam.viz.wording import BAD, FAIR, GOOD, plural
 
+AGREE = 1.0  # pixels up to which two halves of a set agree
 NOISE_RATIO = 1.6  # held-out error in noises above which the model misses something
 
 
@@ -16,12 +17,13 @@ def verdict(calibration: Calibration, validation: Validation | None) -> str:
     """Whether the rig can be trusted, and by how much, in one sentence."""
     photos = len({f.sighting.photo for f in calibration.sightings})
     corners = sum(int(np.count_nonzero(f.kept)) for f in calibration.sightings)
-    base = f"{plural(photos, 'photo')} with {corners} corners fit to {calibration.rms():.3f} px (RMS)"
+    base = f"{plural(photos, 'photo')} with {corners} corners fit to {pixels(calibration.rms())} (RMS)"
     parts = [base]
     if validation is not None and math.isfinite(validation.held_out_rms):
-        parts.append(f"photos left out are predicted to {validation.held_out_rms:.3f} px")
+        parts.append(f"photos left out are predicted to {pixels(validation.held_out_rms)}")
     if validation is not None and math.isfinite(validation.split_half_rms):
-        parts.append(f"two halves of the set agree to {validation.split_half_rms:.3f} px")
+        how = "agree to" if validation.split_half_rms <= AGREE else "differ by"
+        parts.append(f"two halves of the set {how} {pixels(validation.split_half_rms)} over the views")
     doubts = doubts_of(calibration, validation)
     if doubts:
         return f"{'; '.join(parts)}; but {', and '.join(doubts)}."
@@ -35,12 +37,15 @@ def doubts_of(calibration: Calibration, validation: Validation | None) -> list[s
     doubts = []
     open_ = [u for u in calibration.unobservable if not u.harmless]
     if open_:
-        doubts.append(f"{plural(len(open_), 'thing')} that matter could not be determined")
+        things = "one thing that matters" if len(open_) == 1 else f"{len(open_)} things that matter"
+        doubts.append(f"{things} could not be determined")
     if any(f.kind == "moved board" for f in calibration.findings):
         doubts.append("a board moved")
     if validation is not None and validation.flatness is not None and not validation.flatness.flat:
         doubts.append(f"the mirrors do not look flat in '{validation.flatness.worst_view}'")
     expected = NOISE_RATIO * math.sqrt(2.0) * calibration.noise
+    if validation is not None and validation.split_half_rms > AGREE:
+        doubts.append("where no corner was seen the lens and the mirrors are guessed")
     if validation is not None and validation.held_out_rms > expected:
         doubts.append("photos left out are predicted worse than noise explains")
     return doubts
@@ -50,12 +55,12 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
     """Headline numbers: label, value, grade."""
     rejected = sum(int(np.count_nonzero(~f.kept)) for f in calibration.sightings)
     total = sum(len(f.sighting) for f in calibration.sightings)
-    found = [("residual (RMS)", f"{calibration.rms():.3f}\u00a0px", "")]
+    found = [("residual (RMS)", pixels(calibration.rms()), "")]
     if validation is not None:
         grade = GOOD if validation.held_out_rms <= NOISE_RATIO * math.sqrt(2.0) * calibration.noise else FAIR
-        found += _known("held-out photos", validation.held_out_rms, "\u00a0px", grade)
-        found += _known("from one view to the others", validation.cross_view_rms, "\u00a0px", "")
-        found += _known("between two halves", validation.split_half_rms, "\u00a0px", "")
+        found += _known("held-out photos", validation.held_out_rms, grade)
+        found += _known("from one view to the others", validation.cross_view_rms, "")
+        found += _known("between two halves", validation.split_half_rms, "")
         if validation.flatness is not None:
             flat = validation.flatness.flat
             found.append(("mirrors", "flat" if flat else "not flat", GOOD if flat else BAD))
@@ -65,8 +70,13 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
     return found
 
 
-def _known(label: str, value: float, unit: str, grade: str) -> list[tuple[str, str, str]]:
-    return [(label, f"{value:.3f}{unit}", grade)] if math.isfinite(value) else []
+def _known(label: str, value: float, grade: str) -> list[tuple[str, str, str]]:
+    return [(label, pixels(value), grade)] if math.isfinite(value) else []
+
+
+def pixels(value: float) -> str:
+    """A length in pixels, to a thousandth where it is small."""
+    return f"{value:.3f}\u00a0px" if value < 10 else f"{value:.0f}\u00a0px"
 
 
 def number(value: float, digits: int) -> str:
