@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import facetcam.pipelines.slam
+from facetcam.io.colmap_model import RigFrame
 from facetcam.slam import State, Status, ViewHealth
 
 Array = NDArray[np.float64]
@@ -72,6 +73,9 @@ class FakeSlam:
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         return np.zeros((2, 3)), np.full((2, 3), 255, np.uint8)
+
+    def rig_frames(self) -> list[RigFrame]:
+        return []
 
     @property
     def keyframe_poses(self) -> Array:

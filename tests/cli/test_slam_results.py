@@ -16,7 +16,7 @@ import facetcam.pipelines.slam
 from facetcam.io.trajectories import read_tum, write_tum
 from facetcam.pipelines import run_slam
 
-FILES = ["map.ply", "report.html", "states.csv", "summary.json", "trajectory.tum"]
+FILES = ["colmap", "map.ply", "report.html", "states.csv", "summary.json", "trajectory.tum"]
 
 
 @pytest.fixture(autouse=True)

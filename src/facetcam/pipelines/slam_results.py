@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from facetcam.errors import FacetcamError
 from facetcam.evaluation import trajectory as evaluation
+from facetcam.io.colmap_model import write_colmap_model
 from facetcam.io.outputs import atomic_write
 from facetcam.io.ply import write_ply
 from facetcam.io.trajectories import write_tum
@@ -49,7 +50,9 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     seconds = record.seconds
     path = slam.trajectory()
     write_tum(record.folder / "trajectory.tum", *path)
-    write_ply(record.folder / "map.ply", *slam.cloud())
+    cloud = slam.cloud()
+    write_ply(record.folder / "map.ply", *cloud)
+    write_colmap_model(record.folder / "colmap", inputs.rig, slam.rig_frames(), *cloud)
     keeper = MapKeeper(slam, inputs.maps, record.folder)
     saved = keeper.path if keeper.save() else None
     summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from facetcam.errors import FacetcamError, MapError
 from facetcam.geometry import se3
+from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
@@ -379,6 +380,25 @@ class Slam:
         with self._map.lock:
             points = self._map.points
             return points.xyz[points.alive].copy(), points.colour[points.alive].copy()
+
+    def rig_frames(self) -> list[RigFrame]:
+        """What the keyframes saw of the points of `cloud`, whose rows `point` gives."""
+        alive = self._map.points.alive
+        row = np.cumsum(alive) - 1
+        frames = []
+        for keyframe in self._map.keyframes:
+            seen = keyframe.observations
+            kept = alive[seen.point]
+            frames.append(
+                RigFrame(
+                    keyframe.timestamp,
+                    keyframe.T_world_rig,
+                    seen.view[kept],
+                    row[seen.point[kept]],
+                    seen.pixels[kept],
+                )
+            )
+        return frames
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:
