@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from command import Facetcam, only_line
 
 import facetcam as package
 from facetcam.calibration import BoardSet, write_boards
+from facetcam.pipelines.calibrate import run_calibration
 from facetcam.rig import Camera, Rig
 
 CAMERA = Camera("brown-conrady", *SIZE, 600.0, 600.0, 319.5, 239.5, (0.0,) * 5)
@@ -53,6 +56,25 @@ def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, n
     assert "no board found in 1 photos" in line(blank, *both)
     assert (out / "what-was-seen.jpg").exists()
     assert "exists already" in line(photos, *both)
+
+
+def test_a_stopped_run_keeps_what_it_found(tmp_path: Path, boards: Path, nominal: Path) -> None:
+    photos = write_photos(tmp_path / "in", [photo(seed=k) for k in range(3)])
+
+    @contextmanager
+    def impatient(name: str) -> Iterator[Callable[[int, int | None], None]]:
+        def stop(done: int, total: int | None) -> None:
+            raise KeyboardInterrupt
+
+        yield stop
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run_calibration(
+            photos, boards, tmp_path / "out", rig=nominal, cache=tmp_path / "cache", stage=impatient
+        )
+    assert "kept" in caught.value.__notes__[0]
+    assert not (tmp_path / "out").exists()
+    assert list((tmp_path / "cache").iterdir())
 
 
 @pytest.mark.slow

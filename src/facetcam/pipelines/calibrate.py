@@ -172,10 +172,13 @@ def look(
     nominal = rig if isinstance(rig, Rig) or rig is None else Rig.load(rig)
     paths = photo_paths(images)
     lens = read_intrinsics(camera) if camera is not None else None
+    remembered = Path(cache) if cache is not None else default_cache()
     with stage("looking for boards") as progress:
-        photos, unreadable = look_at_photos(
-            paths, chosen, Path(cache) if cache is not None else default_cache(), progress
-        )
+        try:
+            photos, unreadable = look_at_photos(paths, chosen, remembered, progress)
+        except KeyboardInterrupt as error:
+            error.add_note("what was found so far is kept, the same command goes on from there")
+            raise
     if lens is not None and nominal is not None:
         nominal = with_lens(nominal, lens)
     size = nominal.size if nominal is not None else (lens.width, lens.height) if lens is not None else None
