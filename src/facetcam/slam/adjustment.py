@@ -20,6 +20,7 @@ _LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
 _GLOBAL_STOP = (30, 1e-6)
 _LAST_STOP = (100, 1e-8)  # the scale of a map converges slowly
 _LOSS = 1.2  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
+_COARSE_LOSSES = (60.0, 10.0)
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
 _MAX_NEAR = 50  # keyframes among which these are sought
@@ -64,6 +65,12 @@ class Adjuster:
             everything = self._map.observed_points(self._map.keyframes)
             self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP)
 
+    def adjust_coarsely(self) -> None:
+        """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
+        everything = self._map.observed_points(self._map.keyframes)
+        for loss in _COARSE_LOSSES:
+            self._adjust(self._map.keyframes, 1, everything, _GLOBAL_STOP, loss)
+
     def scale_sigma(self) -> float:
         """Relative standard deviation of the map's scale; inf where the images cannot tell it."""
         keyframes = self._map.keyframes
@@ -72,19 +79,27 @@ class Adjuster:
             return np.inf
         return scale_sigma(self._bundle(keyframes, 1, ids)[0], self._optics, self._config.pixel_sigma)
 
-    def _adjust(self, keyframes: list[Keyframe], n_fixed: int, ids: Index, stop: tuple[int, float]) -> None:
+    def _adjust(
+        self,
+        keyframes: list[Keyframe],
+        n_fixed: int,
+        ids: Index,
+        stop: tuple[int, float],
+        loss: float = _LOSS,
+    ) -> None:
         with self._map.lock:
             bundle, used = self._bundle(keyframes, n_fixed, ids)
         if not len(used):
             return
-        poses, xyz = adjust(bundle, self._optics, _LOSS * self._config.pixel_sigma, *stop)
+        poses, xyz = adjust(bundle, self._optics, loss * self._config.pixel_sigma, *stop)
         growth = _growth(bundle, poses, xyz)
         with self._map.lock:
             self._map.points.xyz[used] = xyz
             for keyframe, T, factor in zip(keyframes, poses, growth):
                 keyframe.T_world_rig = T
                 keyframe.scale *= factor
-            self._cull(keyframes, used)
+            if loss == _LOSS:
+                self._cull(keyframes, used)
 
     def _bundle(self, keyframes: list[Keyframe], n_fixed: int, ids: Index) -> tuple[Bundle, Index]:
         """What the keyframes saw of some points as one problem, and the ids of its points."""

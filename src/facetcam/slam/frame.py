@@ -37,6 +37,12 @@ class Corners:
     plane: NDArray[np.float64]
     descriptors: NDArray[np.uint8]
 
+    @classmethod
+    def none(cls) -> Corners:
+        """No corners."""
+        nothing = np.empty((0, 2))
+        return cls(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
+
     def __len__(self) -> int:
         return len(self.pixels)
 
@@ -128,8 +134,7 @@ class CornerFinder:
             xy = kept.xy.astype(np.float64)
             parts.append((xy, self._optics.view_of(xy), descriptors))
         if not parts:
-            nothing = np.empty((0, 2))
-            return Corners(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
+            return Corners.none()
         pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
         return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
 

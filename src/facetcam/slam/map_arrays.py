@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.slam.frame import Corners
 from facetcam.slam.map import Keyframe, Map, Observations
 from facetcam.slam.optics import Optics
@@ -90,14 +89,12 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
 
 
 def _keyframe(arrays: Arrays, k: int, optics: Optics) -> Keyframe:
-    nothing = np.empty((0, 2))
-    corners = Corners(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
     wheels = arrays["keyframes.odometry"][k]
     keyframe = Keyframe(
         k,
         float(arrays["keyframes.timestamp"][k]),
         arrays["keyframes.T_world_rig"][k],
-        corners,
+        Corners.none(),
         None,
         wheels if np.all(np.isfinite(wheels)) else None,
         measured=int(arrays["keyframes.measured"][k]),

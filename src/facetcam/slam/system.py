@@ -18,8 +18,9 @@ from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import CornerFinder, Frame, make_frame
+from facetcam.slam.frame import CornerFinder, Corners, Frame, make_frame
 from facetcam.slam.keyframes import is_due, nearest_keyframe
+from facetcam.slam.loops import LoopCloser
 from facetcam.slam.map import Map
 from facetcam.slam.map_arrays import from_arrays, to_arrays
 from facetcam.slam.map_file import MapHeader, read_map, require_rig, write_map
@@ -93,6 +94,9 @@ class Slam:
         self._places = Places()
         relocaliser = Relocaliser(self._map, self._optics, self.config, corners, self._places)
         self._tracker = Tracker(self._map, self._optics, self.config, corners, relocaliser)
+        self._loops = LoopCloser(
+            self._map, self._optics, self.config, self._places, relocaliser, self._tracker
+        )
         self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
         self.rig_check = RigCheck(self._optics, self.config, corners)
         self.odometry_check = OdometryCheck()
@@ -111,6 +115,7 @@ class Slam:
         self._placed = False  # in the map, at least once in this run
         self._continued = False  # a map of an earlier run
         self._localise_only = False
+        self._earlier_loops = 0
 
     def track(self, image: NDArray[np.generic], timestamp: float, odometry: ArrayLike | None = None) -> State:
         """Take one raw frame and tell where the rig is.
@@ -208,7 +213,12 @@ class Slam:
                 self._trajectory.rehang(keyframe)
                 for settled in self._map.keyframes[self._places.indexed : -self.config.window]:
                     self._places.add(settled)
-            if len(self._map.keyframes) >= self._next_global:
+                    settled.corners = Corners.none()  # the index has what is worth keeping
+                loop = self._loops.close(keyframe, self.metric)
+            if loop is not None:
+                self.loops += 1
+                self._adjuster.adjust_coarsely()
+            if loop is not None or len(self._map.keyframes) >= self._next_global:
                 self._adjust_all()
 
     def _adjust_all(self, last: bool = False) -> None:
@@ -337,7 +347,7 @@ class Slam:
             raise MapError(f"{path}: its parts contradict each other ({error}); map again") from error
         self._continued, self._localise_only = True, localise_only
         self._trust.lose()
-        self._mapper.session = header.sessions
+        self._mapper.session, self._earlier_loops = header.sessions, header.loops
         self.scale_sigma = np.inf if header.scale_sigma is None else header.scale_sigma
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
         return header
@@ -347,7 +357,8 @@ class Slam:
         with self._map.lock:
             arrays = to_arrays(self._map, self._places)
             sessions = 1 + max((k.session for k in self._map.keyframes), default=-1)
-        header = MapHeader.of(self.rig, arrays, sessions, self.metric, self.scale_sigma, self.loops)
+        loops = self._earlier_loops + self.loops
+        header = MapHeader.of(self.rig, arrays, sessions, self.metric, self.scale_sigma, loops)
         write_map(Path(path), header, arrays)
 
     @property

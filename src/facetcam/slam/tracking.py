@@ -86,7 +86,7 @@ class Tracker:
         """
         best = None
         for T_world_rig in predicted:
-            best = _better(best, self._locate(frame, T_world_rig))
+            best = _better(best, self.locate(frame, T_world_rig))
             if best is not None and best.clear:
                 return best
         return _better(best, self._relocate(frame, *predicted[:1]))
@@ -105,10 +105,11 @@ class Tracker:
     def _expect(self, T_world_rig: Array) -> Predictions:
         return predict(self._map.points, self._local_points(T_world_rig), T_world_rig, self._optics)
 
-    def _locate(self, frame: Frame, predicted: Array) -> Fix | None:
-        """Pose from map points whose patches are aligned near their predictions."""
+    def locate(self, frame: Frame, predicted: Array, ids: Index | None = None) -> Fix | None:
+        """Pose from map points, or some of them, whose patches are aligned near their predictions."""
         points, config = self._map.points, self._config
-        expected = thin(self._expect(predicted), points, config.measured_points // self._optics.n_views)
+        expected = self._expect(predicted) if ids is None else predict(points, ids, predicted, self._optics)
+        expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, _ = measure(frame, expected, points, self._optics, config)
         if len(seen) < config.min_inliers:
             return None
@@ -124,7 +125,7 @@ class Tracker:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
         best = None
         for T in self._proposals(frame, *predicted):
-            fix = self._locate(frame, T)
+            fix = self.locate(frame, T)
             if fix is None:
                 continue
             if fix.clear and fix.sharp:

@@ -1,0 +1,240 @@
+"""Loops: the way comes back to a place that was mapped earlier, and the map is made to agree with itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
+
+from facetcam.geometry import se3
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measure import Measurements, measure, predict
+from facetcam.slam.optics import Optics
+from facetcam.slam.places import Places
+from facetcam.slam.pose_graph import Edges, relax
+from facetcam.slam.relocalisation import Relocaliser
+from facetcam.slam.tracking import Fix, Tracker
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_AWAY = 2  # windows of keyframes after which a place is an old one
+_RETURNED = 30  # old points that are seen again where a loop closes
+_TIED = 30  # points that two keyframes share to be tied in the pose graph
+_ALIKE = 0.3  # of the best score, which an old place has that is worth a look
+_CLOSING_WEIGHT = 5.0
+_SAME_PIXELS = 1.5
+_LEAST_PAIRS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A return to an old place.
+
+    Attributes
+    ----------
+    keyframe, old : int
+        Where it was noticed, and the keyframe that saw the place earlier.
+    points : int
+        Old points seen again.
+    gap : float
+        Distance between where the map put the rig and where the old place does; 0 where tracking had found
+        the old points itself.
+    """
+
+    keyframe: int
+    old: int
+    points: int
+    gap: float
+
+
+class LoopCloser:
+    """Looks for old places at each keyframe, and closes the loop.
+
+    Parameters
+    ----------
+    map, optics, config, places, relocaliser, tracker
+        The parts of the system.
+    """
+
+    def __init__(
+        self,
+        map: Map,
+        optics: Optics,
+        config: SlamConfig,
+        places: Places,
+        relocaliser: Relocaliser,
+        tracker: Tracker,
+    ) -> None:
+        self._map = map
+        self._optics = optics
+        self._config = config
+        self._places = places
+        self._relocaliser = relocaliser
+        self._tracker = tracker
+        self._last = -np.inf  # keyframe of the last loop
+
+    def close(self, keyframe: Keyframe, metric: bool) -> Loop | None:
+        """Close a loop at a new keyframe where there is one.
+
+        Tracking may have found the old points itself; else the place is recognised, its pose verified by
+        patches, and the keyframes between are bent by a pose graph. The caller adjusts the map afterwards.
+        """
+        if keyframe.index - self._last < self._away or keyframe.frame is None:
+            return None
+        loop = self._tracked(keyframe) or self._recognised(keyframe, metric)
+        if loop is not None:
+            self._last = keyframe.index
+        return loop
+
+    @property
+    def _away(self) -> int:
+        return _AWAY * self._config.window
+
+    def _tracked(self, keyframe: Keyframe) -> Loop | None:
+        """Old points that no keyframe has seen for long are seen again."""
+        keyframes, first_recent = self._map.keyframes, max(keyframe.index - self._away, 0)
+        recent = self._map.observed_points(keyframes[first_recent : keyframe.index])
+        back = np.setdiff1d(keyframe.observations.point, recent)
+        if len(back) < _RETURNED:
+            return None
+        shared = [int(np.isin(k.observations.point, back).sum()) for k in keyframes[:first_recent]]
+        if max(shared, default=0) < _RETURNED // 2:
+            return None
+        return Loop(keyframe.index, int(np.argmax(shared)), len(back), 0.0)
+
+    def _recognised(self, keyframe: Keyframe, metric: bool) -> Loop | None:
+        """Find the keyframe at an old place that it does not know to be at."""
+        for group in self._old_places(keyframe):
+            fix = self._verified(keyframe, group)
+            if fix is not None:
+                return self._close(keyframe, group, fix, metric)
+        return None
+
+    def _old_places(self, keyframe: Keyframe) -> list[Index]:
+        """Groups of keyframes that look alike, away in time and without common points."""
+        config, n = self._config, len(self._map.keyframes)
+        score = self._places.resembling(keyframe.corners.descriptors, n, config.match_distance)
+        best = score.max(initial=0.0)
+        score[max(keyframe.index - self._away, 0) :] = 0.0
+        for other in self._map.keyframes[: len(score)]:
+            if score[other.index] < _ALIKE * best or self._share_points(keyframe, other):
+                score[other.index] = 0.0
+        return self._relocaliser.groups(score)
+
+    def _share_points(self, a: Keyframe, b: Keyframe) -> bool:
+        common = np.intersect1d(a.observations.point, b.observations.point)
+        return len(common) >= self._config.min_inliers
+
+    def _verified(self, keyframe: Keyframe, group: Index) -> Fix | None:
+        """Pose of the keyframe from the points of an old place alone, where patches confirm it."""
+        assert keyframe.frame is not None
+        T, matched = self._relocaliser.solve(keyframe.corners, self._places.of_keyframes(group))
+        if T is None or matched < self._config.min_inliers:
+            return None
+        ids = self._map.observed_points([self._map.keyframes[k] for k in group])
+        fix = self._tracker.locate(keyframe.frame, T, ids)
+        if fix is None or not fix.sharp or not fix.likely or len(fix.seen) < _RETURNED:
+            return None
+        return fix
+
+    def _close(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> Loop:
+        """Bend the keyframes until the old and the new sight of the place agree, and join their points."""
+        keyframes = self._map.keyframes
+        shared = [int(np.isin(keyframes[k].observations.point, fix.seen.point).sum()) for k in group]
+        old = int(group[np.argmax(shared)])
+        gap = float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
+        growth = 1.0 if metric else self._growth(keyframe, fix)
+        poses = self._map.poses()
+        edges = Edges.between(*self._ties(), poses).plus(
+            old, keyframe.index, se3.inverse(poses[old]) @ fix.T_world_rig, growth, _CLOSING_WEIGHT
+        )
+        move_map(self._map, *relax(poses, edges, with_scale=not metric))
+        ids = np.unique(fix.seen.point)
+        for other in keyframes[-self._config.window :]:
+            self._join(other, ids)
+        return Loop(keyframe.index, old, len(fix.seen), gap)
+
+    def _growth(self, keyframe: Keyframe, fix: Fix) -> float:
+        """How much larger the old map is than the new one, from points that both have at the same pixels."""
+        new, old = pairs_at_same_pixels(keyframe, fix.seen)
+        if len(new) < _LEAST_PAIRS:
+            return 1.0
+        xyz = self._map.points.xyz
+        there = np.linalg.norm(xyz[old] - fix.T_world_rig[:3, 3], axis=1)
+        here = np.linalg.norm(xyz[new] - keyframe.T_world_rig[:3, 3], axis=1)
+        return float(np.median(there / here))
+
+    def _ties(self) -> tuple[Index, Index]:
+        """Pairs of keyframes that follow each other or share many points."""
+        seen = [np.unique(k.observations.point) for k in self._map.keyframes]
+        columns = np.concatenate(seen)
+        start = np.cumsum([0, *(len(s) for s in seen)])
+        sight = csr_matrix((np.ones(len(columns), np.int32), columns, start))
+        common = (sight @ sight.T).tocoo()
+        tied = (common.row < common.col) & ((common.data >= _TIED) | (common.col == common.row + 1))
+        pairs = set(zip(common.row[tied].tolist(), common.col[tied].tolist()))
+        pairs |= {(k, k + 1) for k in range(len(seen) - 1)}
+        i, j = np.array(sorted(pairs), np.int64).reshape(-1, 2).T
+        return i, j
+
+    def _join(self, keyframe: Keyframe, ids: Index) -> None:
+        """Observe old points in a keyframe, and merge the new points that lie at the same pixels."""
+        if keyframe.frame is None:
+            return
+        expected = predict(self._map.points, ids, keyframe.T_world_rig, self._optics)
+        expected = expected.take(~keyframe.observations.has(expected.point, expected.view))
+        seen, _ = measure(keyframe.frame, expected, self._map.points, self._optics, self._config)
+        new, old = pairs_at_same_pixels(keyframe, seen)
+        keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)
+        merge_points(self._map, self._places, new, old)
+
+
+def pairs_at_same_pixels(keyframe: Keyframe, seen: Measurements) -> tuple[Index, Index]:
+    """Ids of the keyframe's points, and of other points measured within a pixel or so in the same view."""
+    own = keyframe.observations
+    if not len(own) or not len(seen):
+        return np.empty(0, np.int64), np.empty(0, np.int64)
+    distance, nearest = (np.asarray(a) for a in cKDTree(own.pixels).query(seen.pixels))
+    point = own.point[nearest]
+    same = (distance < _SAME_PIXELS) & (own.view[nearest] == seen.view) & (point != seen.point)
+    new, first = np.unique(point[same], return_index=True)
+    return new, seen.point[same][first]
+
+
+def merge_points(map: Map, places: Places, new: Index, old: Index) -> None:
+    """Let points `new` (sorted ids) be the points `old`: all that saw the one saw the other."""
+    kept = ~np.isin(old, new)
+    new, old = new[kept], old[kept]
+    if not len(new):
+        return
+    for keyframe in map.keyframes:
+        seen = keyframe.observations
+        where = np.minimum(np.searchsorted(new, seen.point), len(new) - 1)
+        hit = new[where] == seen.point
+        if hit.any():
+            seen.point[hit] = old[where[hit]]
+            _, first = np.unique(seen.point * 128 + seen.view, return_index=True)
+            seen.keep(np.isin(np.arange(len(seen)), first))
+    map.points.alive[new] = False
+    places.replace_points(new, old)
+
+
+def move_map(map: Map, T_world_rig: Array, growth: Array) -> None:
+    """Move keyframes to new poses, and points with the keyframe that saw them first."""
+    points = map.points
+    reference = np.full(len(points), -1)
+    for keyframe in reversed(map.keyframes):
+        reference[keyframe.observations.point] = keyframe.index
+    for keyframe, T, factor in zip(map.keyframes, T_world_rig, growth):
+        rows = np.flatnonzero(reference == keyframe.index)
+        local = se3.transform(se3.inverse(keyframe.T_world_rig), points.xyz[rows])
+        turn = T[:3, :3] @ keyframe.T_world_rig[:3, :3].T
+        points.xyz[rows] = se3.transform(T, factor * local)
+        points.tangent[rows] = factor * (turn @ points.tangent[rows])
+        keyframe.T_world_rig = T
+        keyframe.scale *= float(factor)
