@@ -70,6 +70,8 @@ def relax(T_world_rig: Array, edges: Edges, with_scale: bool) -> tuple[Array, Ar
         Of the map round each node.
     """
     T, growth = T_world_rig.copy(), np.ones(len(T_world_rig))
+    if not len(edges.i):
+        return T, growth
     size = 7 if with_scale else 6
     error = _errors(T, growth, edges)
     damping = _DAMPING
