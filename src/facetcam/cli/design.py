@@ -34,12 +34,19 @@ def design(
     make: Annotated[
         bool, typer.Option("--make", help="Also templates to cut (SVG, DXF) and a holder to print (STL).")
     ] = False,
+    live: Annotated[
+        bool, typer.Option("--live", help="A page in the browser with sliders, until Ctrl-C.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Of the page of --live.")] = 8080,
     seed: Annotated[int, typer.Option(min=0, help="Of the search and of the build errors.")] = 0,
 ) -> None:
     """Draw a mirror rig: what it will see, its best camera, how well it must be built."""
     from facetcam.pipelines.design import run_design
 
     folder = output_folder(out, Path(spec).stem.replace(":", "-"))
+    if live:
+        show_live(spec, folder, port)
+        return
     if goal is not None and not search:
         raise typer.BadParameter("a goal is for --search", param_hint="'--goal'")
     result = run_design(
@@ -69,3 +76,18 @@ def design(
         removed = " ".join(f"{100 * share:.1f}" for share in result.tolerance.removed)
         rows.append(("build error calibrated away", f"{removed} %"))
     print_pairs("design", [*rows, ("folder", str(folder)), ("report", str(result.report))])
+
+
+def show_live(spec: str, folder: Path, port: int) -> None:
+    """Keep the page open until Ctrl-C."""
+    import time
+
+    from facetcam.pipelines.design_live import open_live_page
+
+    page = open_live_page(spec, folder, port)
+    print(f"facetcam design: open {page.address} in a browser; Ctrl-C ends it", flush=True)
+    try:
+        while True:
+            time.sleep(0.5)
+    finally:
+        page.stop()
