@@ -39,13 +39,17 @@ def without_other_cameras(fit: Fit) -> tuple[Fit, tuple[Finding, ...]]:
     for photo in tight.photos:
         part = tight.of_photos([photo])
         before = _error(part)
-        if before < max(_WRONG * sigma, _LEAST):
+        if before < max(_WRONG * sigma, _LEAST) or len(part.sightings) < 2:
             continue
         free = np.zeros(part.state.shared, dtype=bool)
         free[:2] = True
         freed = replace(part, free=free).solved(100.0, 20).solved(10.0, 20).solved(_LOSS, 20)
         focal = freed.state.intrinsics[0]
-        if _error(freed) < _MENDED * before and abs(focal / tight.state.intrinsics[0] - 1.0) > _OTHER_FOCAL:
+        # Every sighting must fit then: one in the wrong view may well suit a wrong focal length.
+        if (
+            _worst(freed) < max(_MENDED * before, 2.0 * sigma)
+            and abs(focal / tight.state.intrinsics[0] - 1.0) > _OTHER_FOCAL
+        ):
             found[photo] = focal
     rest = [p for p in fit.photos if p not in found]
     if not found or not rest:
@@ -168,6 +172,12 @@ def _finding(fit: Fit, boards: BoardSet, board: int, photos: Sequence[int], pose
 
 def _corners(fit: Fit, sightings: Sequence[int]) -> int:
     return sum(len(fit.sightings[i]) for i in sightings)
+
+
+def _worst(fit: Fit) -> float:
+    """Error of the sighting that fits worst."""
+    lengths = np.linalg.norm(fit.residuals, axis=1)
+    return max(float(np.median(lengths[a:b])) for a, b in fit.looks.bounds if b > a)
 
 
 def _error(fit: Fit) -> float:

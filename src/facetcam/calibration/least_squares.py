@@ -59,7 +59,8 @@ class Normal:
 
     def reduced(self, damping: float = 0.0) -> tuple[Array, Array, Array, Array]:
         """Shared block and right side after the stations are eliminated, with what gives their steps."""
-        C = self.C + damping * _diagonal(self.C) + 1e-12 * np.eye(6)
+        size = np.trace(self.C, axis1=1, axis2=2)[:, None, None]
+        C = self.C + damping * _diagonal(self.C) + (_RIDGE * size + 1e-9) * np.eye(6)
         solved = np.linalg.solve(C, np.concatenate([np.swapaxes(self.B, 1, 2), self.c[:, :, None]], axis=2))
         into, right = solved[:, :, :-1], solved[:, :, -1]
         flat = np.swapaxes(self.B, 0, 1).reshape(len(self.a), 6 * len(C))
