@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from simulated_rooms import HIGH, LOW, glowing, resized, room_quads
 
+from facetcam.config import load_config
 from facetcam.errors import ConfigError, FacetcamError, SourceError
 from facetcam.geometry import se3
 from facetcam.rig import Rig, View
@@ -24,6 +25,7 @@ from facetcam.simulation.settings import (
     BuildSettings,
     CameraSettings,
     LampSettings,
+    SimulationConfig,
     Switch,
 )
 
@@ -251,6 +253,16 @@ def test_lamps_follow_their_switches() -> None:
     assert lamp == LampSettings((0.0, 0.0, 1.0), schedule=switches).lamp(seed=1, until=9.0)
     with pytest.raises(ConfigError, match="grow"):
         LampSettings((0.0, 0.0, 1.0), schedule=switches[::-1]).lamp(1, 9.0)
+
+
+def test_the_settings_of_the_documentation_are_read(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "simulate.md"
+    (tmp_path / "settings.yaml").write_text(page.read_text().split("```yaml")[1].split("```")[0])
+    config = load_config(SimulationConfig, tmp_path / "settings.yaml")
+    assert config.camera.samples == 8
+    assert config.light.lamps is not None
+    lamp = config.light.lamps[0].lamp(seed=0, until=20.0)
+    assert [lamp.level(t) for t in (4.9, 6.0, 19.0)] == pytest.approx([1.0, 0.0, 0.3])
 
 
 def test_a_built_rig_is_off_by_what_is_stated() -> None:

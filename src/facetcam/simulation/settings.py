@@ -75,11 +75,13 @@ class Switch:
     """What a lamp does from a time in seconds on: `on`, `off`, `dim` to a level, or `flicker` below it."""
 
     at: float
-    do: Literal["on", "off", "dim", "flicker"]
+    do: Literal["on", "off", "dim", "flicker", True, False]  # YAML reads a bare on and off as booleans
     level: float | None = None
     over: float = 0.1
 
     def __post_init__(self) -> None:
+        if isinstance(self.do, bool):
+            object.__setattr__(self, "do", "on" if self.do else "off")
         if self.over < 0.0 or (self.level is not None and self.level < 0.0):
             raise ConfigError(f"lamp: level and over at {self.at:g} s must not be negative")
 
@@ -159,7 +161,7 @@ def _levels(switches: tuple[Switch, ...], seed: int, until: float) -> tuple[tupl
     points, level = [(-1e9, 1.0)], 1.0
     for index, switch in enumerate(switches):
         end = times[index + 1] if index + 1 < len(times) else max(until, switch.at)
-        wanted = {"on": 1.0, "off": 0.0, "dim": 0.4, "flicker": 1.0}[switch.do]
+        wanted = {"on": 1.0, "off": 0.0, "dim": 0.4, "flicker": 1.0}[str(switch.do)]
         wanted = wanted if switch.level is None else switch.level
         start = max(switch.at, points[-1][0] + 1e-6)
         points.append((start, level))
