@@ -11,7 +11,7 @@ import pytest
 from command import Facetcam
 from simulated_rooms import resized, room_quads
 
-from facetcam.calibration.boards import read_boards
+from facetcam.calibration import read_boards
 from facetcam.geometry import se3
 from facetcam.io.sources import open_source
 from facetcam.io.trajectories import read_tum, write_tum

@@ -1,6 +1,7 @@
 """Calibration of a mirror rig from photos of boards."""
 
-from facetcam.calibration.boards import Board, BoardSet, read_boards, write_boards
+from facetcam.calibration.board_files import read_boards, write_boards
+from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.detection import detect
 from facetcam.calibration.sightings import Sighting
 

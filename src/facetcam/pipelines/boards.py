@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from facetcam.calibration.boards import MARKED, Board, BoardSet, Kind, read_boards, write_boards
+from facetcam.calibration.board_files import read_boards, write_boards
+from facetcam.calibration.boards import MARKED, Board, BoardSet, Kind
 from facetcam.errors import ConfigError
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.viz.board_pages import PAGES, draw_board, largest_square_mm, place, resolution, to_bytes

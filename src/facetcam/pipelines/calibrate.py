@@ -10,20 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.calibration.boards import BoardSet, read_boards
+from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.result import Calibration, Preflight, Validation
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
-from facetcam.io.intrinsics import read_intrinsics
 from facetcam.io.outputs import fresh_folder, require_absent
+from facetcam.pipelines.calibrate_inputs import Images, Seen, look
 from facetcam.pipelines.calibrate_results import write_calibration
 from facetcam.pipelines.demo import Stage, unwatched
-from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
-from facetcam.pipelines.photos import Photo, SecondLook, default_cache, look_at_photos, photo_paths
+from facetcam.pipelines.photos import Photo, SecondLook
 from facetcam.pipelines.progress import keeping
-from facetcam.rig import Camera, Rig
-
-Images = Path | str | Sequence[Path | str]
+from facetcam.rig import Rig
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,22 +44,6 @@ class Calibrated:
     photos: tuple[Photo, ...]
     folder: Path
     warnings: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """Photos that were looked at and belong together, and what they are to be solved with."""
-
-    photos: tuple[Photo, ...]
-    boards: BoardSet
-    rig: Rig | None
-    camera: Camera | None
-    warnings: tuple[str, ...]
-
-    @property
-    def sightings(self) -> list[Sighting]:
-        """Of all photos."""
-        return [s for photo in self.photos for s in photo.sightings]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,59 +130,6 @@ def run_calibration(
         with stage("writing"):
             write()
     return Calibrated(calibration, validation, seen.photos, folder, tuple(warnings))
-
-
-def look(
-    images: Images,
-    boards: BoardSet | Path | str,
-    out: Path | str,
-    *,
-    rig: Rig | Path | str | None = None,
-    camera: Path | str | None = None,
-    cache: Path | str | None = None,
-    stage: Stage = unwatched,
-) -> Seen:
-    """Read everything, find the boards in the photos, and leave out photos that do not belong.
-
-    Raises
-    ------
-    FacetcamError
-        As `run_calibration`; `out` is made only to save what was seen when no board was found.
-    """
-    chosen = boards if isinstance(boards, BoardSet) else read_boards(boards)
-    nominal = rig if isinstance(rig, Rig) or rig is None else Rig.load(rig)
-    paths = photo_paths(images)
-    lens = read_intrinsics(camera) if camera is not None else None
-    remembered = Path(cache) if cache is not None else default_cache()
-    with stage("looking for boards") as progress:
-        try:
-            photos, unreadable = look_at_photos(paths, chosen, remembered, progress)
-        except KeyboardInterrupt as error:
-            error.add_note("what was found so far is kept, the same command goes on from there")
-            raise
-    if lens is not None and nominal is not None:
-        nominal = with_lens(nominal, lens)
-    size = nominal.size if nominal is not None else (lens.width, lens.height) if lens is not None else None
-    kept, warnings = fit_together(photos, size, "the rig" if nominal is not None else str(camera))
-    require_boards(kept, chosen, out)
-    require_motion(kept)
-    return Seen(tuple(kept), chosen, nominal, lens, (*unreadable, *warnings))
-
-
-def with_lens(rig: Rig, lens: Camera) -> Rig:
-    """The rig with intrinsics measured elsewhere.
-
-    Raises
-    ------
-    FacetcamError
-        If they belong to another size of image.
-    """
-    if (lens.width, lens.height) != rig.size:
-        raise FacetcamError(
-            f"camera: the intrinsics are of {lens.width}x{lens.height} images, the rig has"
-            f" {rig.size[0]}x{rig.size[1]}; intrinsics belong to one size"
-        )
-    return Rig(lens, rig.T_rig_cam, rig.mirrors, rig.views)
 
 
 def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.calibration.boards import Board, BoardSet, write_boards
+from facetcam.calibration import Board, BoardSet, write_boards
 from facetcam.geometry import se3
 from facetcam.io.outputs import atomic_write
 from facetcam.rig import Rig
