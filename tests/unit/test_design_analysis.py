@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from facetcam.design.spec import Body, CameraSpec, DesignSpec, Family, Optics, r
 from facetcam.errors import RigError
 from facetcam.geometry import se3
 from facetcam.rig import Camera, Mirror, Rig, View, presets
+from facetcam.rig.mirrors import Glass
+from facetcam.viz.design_page import verdict
 
 Array = NDArray[np.float64]
 SIZE = (1600, 1200)
@@ -98,6 +101,13 @@ def test_the_field_of_view_of_a_plain_camera_is_its_own() -> None:
     assert view.solid_angle == pytest.approx(4 * math.asin(1 * 0.5 / math.sqrt(2 * 1.25)), rel=1e-12)
     assert view.per_degree[0] == pytest.approx(100 * math.radians(1), rel=1e-2)
     assert found.sphere == pytest.approx(view.solid_angle / (4 * math.pi), rel=0.02)
+
+
+def test_glass_that_is_taken_for_thin_is_said() -> None:
+    rig = presets.pyramid()
+    through = {n: replace(m, glass=Glass(0.003, 1.52)) for n, m in rig.mirrors.items()}
+    words = [verdict(analyse(replace(rig, mirrors=m), Body(), Optics(), 8)) for m in (rig.mirrors, through)]
+    assert ["behind glass" in w for w in words] == [False, True]
 
 
 def test_gaps_round_the_back() -> None:

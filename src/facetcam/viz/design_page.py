@@ -95,6 +95,8 @@ def verdict(analysis: Analysis) -> str:
         if analysis.overlap > 0.0005
         else "; no direction twice."
     )
+    if any(mirror.glass is not None for mirror in analysis.rig.mirrors.values()):
+        words += " Mirrors behind glass count as thin here, their silver in the plane where light enters."
     if count == 1:
         return words
     if analysis.spread < 1e-6:
