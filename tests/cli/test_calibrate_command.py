@@ -47,6 +47,7 @@ def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, n
     assert "boards.yaml: cannot be read" in line(photos, "--boards", tmp_path / "no" / "boards.yaml")
     assert "cannot be read" in line(photos, "--boards", boards, "--rig", tmp_path / "no.yaml")
     assert "neither an OpenCV camera" in line(photos, *both, "--camera", boards)
+    assert "only with a rig as drawn" in line(photos, "--boards", boards, "--camera", boards)
     small = write_photos(tmp_path / "small", [photo(size=(320, 240))])
     assert "they are 320x240, but the camera of the rig is 640x480" in line(small, *both)
     still = write_photos(tmp_path / "still", [photo(), np.maximum(photo(), 21)])

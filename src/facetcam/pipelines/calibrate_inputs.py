@@ -26,7 +26,6 @@ class Seen:
     photos: tuple[Photo, ...]
     boards: BoardSet
     rig: Rig | None
-    camera: Camera | None
     warnings: tuple[str, ...]
 
     @property
@@ -55,7 +54,12 @@ def look(
     chosen = boards if isinstance(boards, BoardSet) else read_boards(boards)
     nominal = rig if isinstance(rig, Rig) or rig is None else Rig.load(rig)
     paths = photo_paths(images)
-    lens = read_intrinsics(camera) if camera is not None else None
+    if camera is not None:
+        if nominal is None:
+            raise FacetcamError(
+                f"{camera}: intrinsics are taken up only with a rig as drawn; give it, or leave them out"
+            )
+        nominal = with_lens(nominal, read_intrinsics(camera))
     remembered = Path(cache) if cache is not None else default_cache()
     with stage("looking for boards") as progress:
         try:
@@ -63,13 +67,10 @@ def look(
         except KeyboardInterrupt as error:
             error.add_note("what was found so far is kept, the same command goes on from there")
             raise
-    if lens is not None and nominal is not None:
-        nominal = with_lens(nominal, lens)
-    size = nominal.size if nominal is not None else (lens.width, lens.height) if lens is not None else None
-    kept, warnings = fit_together(photos, size, "the rig" if nominal is not None else str(camera))
+    kept, warnings = fit_together(photos, nominal.size if nominal is not None else None)
     require_boards(kept, chosen, out)
     require_motion(kept)
-    return Seen(tuple(kept), chosen, nominal, lens, (*unreadable, *warnings))
+    return Seen(tuple(kept), chosen, nominal, (*unreadable, *warnings))
 
 
 def with_lens(rig: Rig, lens: Camera) -> Rig:
