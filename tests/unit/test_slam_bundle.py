@@ -12,7 +12,7 @@ from slam_worlds import bundle_of, folded, in_sight, single, winding_path
 from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.optics import Optics
-from facetcam.slam.scale import scale_sigma
+from facetcam.slam.scale import map_uncertainty
 
 Array = NDArray[np.float64]
 
@@ -118,7 +118,9 @@ def test_one_central_camera_cannot_tell_the_scale(central: Optics) -> None:
     rng = np.random.default_rng(17)
     noise = rng.normal(0.0, 0.5, (20000, 2))
     assert (
-        scale_sigma(bundle_of(central, PATH, in_sight(central, PATH, rng, 2500), noise), central, 0.5)
+        map_uncertainty(
+            bundle_of(central, PATH, in_sight(central, PATH, rng, 2500), noise), central, 0.5
+        ).scale_sigma
         == np.inf
     )
 
@@ -126,17 +128,17 @@ def test_one_central_camera_cannot_tell_the_scale(central: Optics) -> None:
 def test_a_rig_that_stands_cannot_tell_the_scale(ryu: Optics) -> None:
     still = np.repeat(PATH[:1], 4, axis=0)
     points = in_sight(ryu, PATH, np.random.default_rng(18), 1200)
-    assert scale_sigma(bundle_of(ryu, still, points), ryu, 0.5) == np.inf
-    assert scale_sigma(bundle_of(ryu, still[:1], points), ryu, 0.5) == np.inf
+    assert map_uncertainty(bundle_of(ryu, still, points), ryu, 0.5).scale_sigma == np.inf
+    assert map_uncertainty(bundle_of(ryu, still[:1], points), ryu, 0.5).scale_sigma == np.inf
 
 
 def test_crossing_motion_before_mirrors_tells_the_scale(ryu: Optics) -> None:
     rng = np.random.default_rng(19)
     noise = rng.normal(0.0, 0.5, (40000, 2))
     points = in_sight(ryu, PATH, rng, 3000)
-    sigma = scale_sigma(bundle_of(ryu, PATH, points, noise), ryu, 0.5)
+    sigma = map_uncertainty(bundle_of(ryu, PATH, points, noise), ryu, 0.5).scale_sigma
     assert 0.0 < sigma < 0.05
-    half = scale_sigma(bundle_of(ryu, PATH, points, 0.5 * noise), ryu, 0.25)
+    half = map_uncertainty(bundle_of(ryu, PATH, points, 0.5 * noise), ryu, 0.25).scale_sigma
     assert half == pytest.approx(sigma / 2, rel=0.1)
 
 
@@ -147,7 +149,7 @@ def test_the_told_scale_error_is_honest(ryu: Optics) -> None:
         rng = np.random.default_rng([20, seed])
         noisy = bundle_of(ryu, PATH, in_sight(ryu, PATH, rng, 700), rng.normal(0.0, 0.4, (20000, 2)))
         poses, points = adjust(noisy, ryu, 1.0, 40, 1e-8)
-        sigma = scale_sigma(replace(noisy, T_world_rig=poses, points=points), ryu, 0.5)
+        sigma = map_uncertainty(replace(noisy, T_world_rig=poses, points=points), ryu, 0.5).scale_sigma
         length, true = (np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1).sum() for T in (poses, PATH))
         shares.append((length / true - 1.0) / sigma)
     assert np.mean(np.abs(shares) < 3.0) >= 0.9

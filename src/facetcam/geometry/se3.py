@@ -110,6 +110,15 @@ def log(T: Array) -> Array:
     return np.concatenate([phi, np.linalg.solve(_left_jacobian(phi), T[:3, 3])])
 
 
+def adjoint(T: Array) -> Array:
+    """Matrix (6, 6) that takes a twist (rotation, translation) through T, as T exp(xi) = exp(A xi) T."""
+    R = T[:3, :3]
+    A = np.zeros((6, 6))
+    A[:3, :3] = A[3:, 3:] = R
+    A[3:, :3] = skew(T[:3, 3]) @ R
+    return A
+
+
 def from_quaternion_xyzw(quaternion_xyzw: ArrayLike, translation: ArrayLike) -> Array:
     """Build a 4x4 motion from a quaternion (x, y, z, w) of any length above zero and a translation."""
     R = Rotation.from_quat(np.asarray(quaternion_xyzw, dtype=np.float64)).as_matrix()

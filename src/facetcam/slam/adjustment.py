@@ -11,7 +11,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
-from facetcam.slam.scale import scale_sigma
+from facetcam.slam.scale import map_uncertainty
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -65,6 +65,7 @@ class Adjuster:
             everything = self._map.observed_points(self._map.keyframes)
             self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP)
 
+<<<<<<< HEAD
     def adjust_coarsely(self) -> None:
         """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
         everything = self._map.observed_points(self._map.keyframes)
@@ -73,11 +74,21 @@ class Adjuster:
 
     def scale_sigma(self) -> float:
         """Relative standard deviation of the map's scale; inf where the images cannot tell it."""
+=======
+    def judge(self) -> float:
+        """Give every keyframe its covariance; returns the relative standard deviation of the scale.
+
+        It is inf where the images cannot tell the scale.
+        """
+>>>>>>> 93bdce9 (Covariances of live poses count the map, its scale and the way since; dead reckoning has one too)
         keyframes = self._map.keyframes
         ids = self._map.observed_points(keyframes)
         if not len(ids):
             return np.inf
-        return scale_sigma(self._bundle(keyframes, 1, ids)[0], self._optics, self._config.pixel_sigma)
+        found = map_uncertainty(self._bundle(keyframes, 1, ids)[0], self._optics, self._config.pixel_sigma)
+        for keyframe, covariance in zip(keyframes, found.covariance):
+            keyframe.covariance = covariance
+        return found.scale_sigma
 
     def _adjust(
         self,

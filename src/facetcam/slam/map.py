@@ -67,6 +67,7 @@ class Keyframe:
     free: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
     measured: int = 0  # points tracked when it was made
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
+    covariance: Array | None = None  # (6, 6) against the first keyframe, since the map was last judged
     session: int = 0  # the run that made it; wheels and window do not reach over runs
 
 

@@ -1,6 +1,8 @@
-"""How well the images determine the metre."""
+"""How well the images determine the map, and the metre."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +18,46 @@ _NULL = 1e-10  # information below this share of the largest is rounding
 _NULL_SHARE = 1e-4
 
 
-def scale_sigma(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
-    """Relative standard deviation of the map's scale from the information in its reprojections.
+@dataclass(frozen=True, slots=True)
+class MapUncertainty:
+    """What the images leave open of a map whose first frame is held.
 
-    The points are eliminated (Schur complement); what is left bounds how far all frames can move towards
-    or away from the first one together while rotations and points follow.
+    Attributes
+    ----------
+    scale_sigma : float
+        Relative standard deviation of the scale; inf where the images cannot tell it: one central camera, or
+        no motion.
+    covariance : (K, 6, 6) array
+        Of right-hand twists of the frames; where the scale is unknown, at the scale that the map has.
+    """
 
-    Returns
-    -------
-    float
-        inf where the images cannot tell the scale: one central camera, or no motion.
+    scale_sigma: float
+    covariance: Array
+
+
+def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUncertainty:
+    """Uncertainty of a map from the information in its reprojections, with the points eliminated (Schur).
+
+    That of the scale is how far all frames can move towards or away from the first one together while
+    rotations and points follow.
     """
     K = len(bundle.T_world_rig)
     centres = bundle.T_world_rig[:, :3, 3] - bundle.T_world_rig[0, :3, 3]
     if K < 2 or np.linalg.norm(centres) < 1e-6:
-        return np.inf
+        return MapUncertainty(np.inf, np.zeros((K, 6, 6)))
     S = _pose_information(bundle, optics, pixel_sigma)[6:, 6:]  # the first frame is held
+    values, vectors = np.linalg.eigh(S)
+    known = values > _NULL * values[-1]
+    half = (vectors[:, known] / np.sqrt(values[known])).reshape(K - 1, 6, -1)
+    covariance = np.concatenate([np.zeros((1, 6, 6)), half @ np.swapaxes(half, 1, 2)])
     # A scale change moves each frame along its own axes by R' (c_k - c_0).
     scale = np.zeros((K - 1, 6))
     scale[:, 3:] = np.einsum("kji,kj->ki", bundle.T_world_rig[1:, :3, :3], centres[1:])
-    direction = scale.ravel() / np.sum(scale**2)
-    values, vectors = np.linalg.eigh(S)
-    along = vectors.T @ direction
-    known = values > _NULL * values[-1]
+    along = vectors.T @ (scale.ravel() / np.sum(scale**2))
     if np.sum(along[~known] ** 2) > _NULL_SHARE * np.sum(along**2):
-        return np.inf
+        return MapUncertainty(np.inf, covariance)
     sigma = float(np.sqrt(np.sum(along[known] ** 2 / values[known])))
-    return sigma if sigma < 1.0 else np.inf
+    return MapUncertainty(sigma if sigma < 1.0 else np.inf, covariance)
 
 
 def _pose_information(bundle: Bundle, optics: Optics, pixel_sigma: float) -> Array:

@@ -37,6 +37,7 @@ from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.trust import Trust
+from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
 
 Array = NDArray[np.float64]
 
@@ -109,6 +110,7 @@ class Slam:
         self._last_timestamp = -np.inf
         self._T_step, self._step = np.eye(4), 0.0  # motion between the last two frames, seconds it took
         self._odometry: Array | None = None
+        self._covariance = np.zeros((6, 6))  # of the last pose
         self._lost_frames = 0
         self._trust = Trust()
         self._next_global = _FIRST_GLOBAL
@@ -227,7 +229,7 @@ class Slam:
         It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
         """
         self._adjuster.adjust_all(last)
-        self.scale_sigma = self._adjuster.scale_sigma()
+        self.scale_sigma = self._adjuster.judge()
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
 
     def _miss(self, frame: Frame, predictions: list[Array], odometry: Array | None) -> State:
@@ -241,9 +243,11 @@ class Slam:
         if not predictions or odometry is None or self._odometry is None:
             return State(frame.timestamp, Status.LOST, map_points=n_points)
         by_wheels = predictions[0]
+        T_step, step = planar_motion(self._odometry, odometry, self.config.odometry_sigma)
+        self._covariance = reckoned_covariance(self._covariance, T_step, step)
         with self._map.lock:
             self._trajectory.add(frame.timestamp, by_wheels, self._map.keyframes[-1])
-        return State(frame.timestamp, Status.DEAD_RECKONING, by_wheels, map_points=n_points)
+        return State(frame.timestamp, Status.DEAD_RECKONING, by_wheels, self._covariance, map_points=n_points)
 
     def _start_again(self, frame: Frame, odometry: Array | None) -> State:
         """A map that fails this early was wrong: forget it with its poses."""
@@ -281,11 +285,15 @@ class Slam:
         )
         with self._map.lock:
             T_world_rig = self._trajectory.last()
+            near = [self._trajectory.last_keyframe, *self._map.keyframes[::-1]]
+            self._covariance = pose_covariance(
+                T_world_rig, fix.pose.covariance, near, self.scale_sigma, self._odometry is not None
+            )
         return State(
             timestamp=frame.timestamp,
             status=Status.TRACKING,
             T_world_rig=T_world_rig,
-            covariance=fix.pose.covariance,
+            covariance=self._covariance,
             views={n: ViewHealth(int(e), int(i)) for n, e, i in zip(self._optics.names, expected, inliers)},
             keyframe=keyframe,
             metric=self.metric,

@@ -49,6 +49,11 @@ class Trajectory:
         """Time of the frame added last."""
         return self._frames[-1].timestamp
 
+    @property
+    def last_keyframe(self) -> Keyframe:
+        """The keyframe that the frame added last hangs on."""
+        return self._frames[-1].keyframe
+
     def last(self) -> Array:
         """Pose (4, 4) of the frame added last, as the map sees it now."""
         return self._frames[-1].T_world_rig()

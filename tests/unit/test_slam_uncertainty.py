@@ -1,0 +1,69 @@
+"""Covariance of poses against what random errors do, drawn and composed one by one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from slam_worlds import bundle_of, folded, in_sight, winding_path
+
+from facetcam.geometry import se3
+from facetcam.slam.frame import Corners
+from facetcam.slam.map import Keyframe
+from facetcam.slam.optics import Optics
+from facetcam.slam.scale import map_uncertainty
+from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
+
+STEP = np.diag([0.01, 0.01, 0.02, 0.05, 0.05, 0.02]) ** 2
+MOVED = se3.exp([0.1, -0.2, 0.7, 0.4, 1.2, 0.1])
+
+
+def keyframe(T: np.ndarray, covariance: np.ndarray | None) -> Keyframe:
+    none = np.empty((0, 2))
+    corners = Corners(none, np.empty(0, np.int8), none, np.empty((0, 32), np.uint8))
+    return Keyframe(0, 0.0, T, corners, None, None, covariance=covariance)
+
+
+def test_adjoint_moves_a_twist_through_a_pose() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        xi = rng.normal(0.0, 0.5, 6)
+        assert np.allclose(MOVED @ se3.exp(xi), se3.exp(se3.adjoint(MOVED) @ xi) @ MOVED)
+
+
+def test_dead_reckoning_grows_as_composed_errors_do() -> None:
+    rng = np.random.default_rng(4)
+    before = 0.5 * STEP
+    ends = []
+    for _ in range(4000):
+        wrong_start = se3.exp(rng.multivariate_normal(np.zeros(6), before))
+        wrong_step = MOVED @ se3.exp(rng.multivariate_normal(np.zeros(6), STEP))
+        ends.append(se3.log(se3.inverse(MOVED) @ wrong_start @ wrong_step))
+    found = reckoned_covariance(before, MOVED, STEP)
+    drawn = np.cov(np.array(ends).T)
+    assert np.allclose(np.diag(drawn), np.diag(found), rtol=0.15)
+
+
+def test_an_unknown_scale_leaves_the_length_of_the_way_open() -> None:
+    start = keyframe(np.eye(4), None)
+    ahead = se3.exp([0, 0, 0, 0.0, 2.0, 0.0])
+    unknown = pose_covariance(ahead, 1e-6 * np.eye(6), [start], np.inf, wheels=False)
+    rolled = pose_covariance(ahead, 1e-6 * np.eye(6), [start], np.inf, wheels=True)
+    known = keyframe(np.eye(4), np.zeros((6, 6)))
+    judged = pose_covariance(ahead, 1e-6 * np.eye(6), [known], 0.01, wheels=True)
+    lengths = [float(np.sqrt(c[4, 4])) for c in (unknown, rolled, judged)]
+    assert lengths[0] > 2.0 > lengths[1] > 0.6 > 0.1 > lengths[2] > 0.02
+
+
+def test_covariance_of_frames_grows_away_from_the_held_one_and_with_the_noise() -> None:
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(7)
+    path = winding_path(4)
+    points = in_sight(optics, path, rng, 1200)
+    noise = rng.normal(0.0, 0.5, (20000, 2))
+    found = map_uncertainty(bundle_of(optics, path, points, noise), optics, 0.5).covariance
+    assert np.all(found[0] == 0.0)
+    for earlier, later in pairwise(found[1:]):
+        assert np.trace(later[3:, 3:]) > np.trace(earlier[3:, 3:]) > 0.0  # farther from the held frame
+        assert np.linalg.eigvalsh(later).min() > 0.0
+    doubled = map_uncertainty(bundle_of(optics, path, points, 2.0 * noise), optics, 1.0).covariance
+    assert np.allclose(doubled[-1], 4.0 * found[-1], rtol=0.1)
