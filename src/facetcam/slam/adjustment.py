@@ -65,22 +65,17 @@ class Adjuster:
             everything = self._map.observed_points(self._map.keyframes)
             self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP)
 
-<<<<<<< HEAD
     def adjust_coarsely(self) -> None:
         """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
         everything = self._map.observed_points(self._map.keyframes)
         for loss in _COARSE_LOSSES:
             self._adjust(self._map.keyframes, 1, everything, _GLOBAL_STOP, loss)
 
-    def scale_sigma(self) -> float:
-        """Relative standard deviation of the map's scale; inf where the images cannot tell it."""
-=======
     def judge(self) -> float:
         """Give every keyframe its covariance; returns the relative standard deviation of the scale.
 
         It is inf where the images cannot tell the scale.
         """
->>>>>>> 93bdce9 (Covariances of live poses count the map, its scale and the way since; dead reckoning has one too)
         keyframes = self._map.keyframes
         ids = self._map.observed_points(keyframes)
         if not len(ids):
