@@ -136,20 +136,32 @@ def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
     """The joint solve, from the drawing, or from the photos alone."""
     from facetcam.calibration.solve import solve
 
-    rig, sightings = begun(seen, stage)
+    if seen.rig is None:
+        return _from_photos(seen, second, stage)
     with stage("solving") as progress:
-        return solve(rig, seen.boards, sightings, second, progress)
+        return solve(seen.rig, seen.boards, seen.sightings, second, progress)
 
 
-def begun(seen: Seen, stage: Stage) -> tuple[Rig, list[Sighting]]:
-    """The drawing; without one, a rig found from the photos, and sightings that know their views."""
-    if seen.rig is not None:
-        return seen.rig, seen.sightings
+def _from_photos(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
+    """Without a drawing: mirrors and views first, then all that they let one find, then their glass."""
     from facetcam.calibration.bootstrap import bootstrap
+    from facetcam.calibration.completion import completed, find_glass, glazed
+    from facetcam.calibration.solve import solve
 
     with stage("finding mirrors"):
-        size = seen.photos[0].size
-        return bootstrap(seen.boards, seen.sightings, size)
+        rig, sightings = bootstrap(seen.boards, seen.sightings, seen.photos[0].size)
+    with stage("solving for the views found") as progress:
+        first = solve(rig, seen.boards, sightings, None, progress)
+    with stage("looking for the board in all views"):
+        rig, sightings = completed(first, second)
+    with stage("solving") as progress:
+        calibration = solve(rig, seen.boards, sightings, None, progress)
+    with stage("measuring the glass of the mirrors"):
+        glass = find_glass(calibration.fit)
+    if glass.thickness < 3.0 * glass.sigma:
+        return calibration
+    with stage("solving with glass") as progress:
+        return solve(glazed(calibration.rig, glass.thickness), seen.boards, sightings, None, progress)
 
 
 def judged(

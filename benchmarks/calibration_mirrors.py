@@ -1,0 +1,180 @@
+"""Calibration of real mirrors: a board on a table between two, and a mirror held by hand.
+
+python benchmarks/calibration_mirrors.py table
+python benchmarks/calibration_mirrors.py hand
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import cv2
+import numpy as np
+from _common import data_folder, show
+
+from facetcam.calibration.boards import Board, BoardSet
+from facetcam.calibration.chessboards import detect_chessboards
+from facetcam.calibration.completion import find_glass
+from facetcam.calibration.fit import Fit
+from facetcam.calibration.hand_mirror import solve_hand_mirror
+from facetcam.calibration.least_squares import minimise
+from facetcam.calibration.optics import MirrorOptics
+from facetcam.calibration.problem import subset
+from facetcam.calibration.result import Calibration
+from facetcam.pipelines.calibrate import calibrate
+from facetcam.rig import Camera
+
+CREPT = 0.5  # pixels
+SQUARE = 0.03  # the table's square is not stated; all lengths scale with it
+
+
+def table(folder: Path) -> None:
+    """Solve the two-mirror table, and judge it by photos left out."""
+    boards = BoardSet((Board("board", "chessboard", (8, 7), SQUARE),))
+    images = [folder / f"Image{i}.jpg" for i in range(1, 12)]
+    calibration = calibrate(images, boards)
+    fit: Fit = calibration.fit
+    views = Counter(f.sighting.view for f in calibration.sightings)
+    kept = np.concatenate([f.kept for f in calibration.sightings])
+    angle, sigma = between(calibration)
+    camera = calibration.rig.camera
+    glass = next(iter(calibration.rig.mirrors.values())).glass
+    sigma_of = dict(zip(calibration.parameters.names, calibration.parameters.sigma))
+    rows = [
+        ("sightings", f"{len(calibration.sightings)}: " + ", ".join(f"{n} {v}" for v, n in views.items())),
+        ("corners, cut", f"{len(kept)}, {100 * (1 - kept.mean()):.2f} %"),
+        ("RMS kept, uncut", f"{calibration.rms():.3f}, {calibration.rms(False):.3f} px"),
+        ("focal length x, y", f"{camera.fx:.1f} +- {sigma_of['fx']:.1f}, {camera.fy:.1f} px"),
+        ("angle between the mirrors", f"{angle:.4f} +- {sigma:.4f} deg"),
+        ("glass, n = 1.52", f"{glass.thickness / SQUARE:.3f} squares" if glass else "none"),
+    ]
+    show("two-mirror table", ("", "value"), rows)
+    held_out(fit)
+
+
+def between(calibration: Calibration) -> tuple[float, float]:
+    """Angle between two mirrors in degrees, with its sigma from the covariance of their planes."""
+    optics = calibration.fit.state.optics
+    assert isinstance(optics, MirrorOptics)
+
+    def angle(step: np.ndarray) -> float:
+        one, other = (p.plane[0] for p in optics.moved(step).planes)
+        return float(180.0 - np.degrees(np.arccos(one @ other)))
+
+    names = calibration.parameters.names
+    own = [i for i, name in enumerate(names) if ":" in name]
+    steps = 1e-6 * np.eye(optics.count)
+    slope = np.array([(angle(s) - angle(-s)) / 2e-6 for s in steps])
+    covariance = calibration.parameters.covariance[np.ix_(own, own)]
+    return angle(np.zeros(optics.count)), float(np.sqrt(slope @ covariance @ slope))
+
+
+def held_out(fit: Fit) -> None:
+    """Leave out every photo in turn; its board's pose from some views must predict the others."""
+    rows, pooled = [], {"direct": [], "direct + left": []}
+    moved: dict[int, float] = {}
+    for photo in fit.photos:
+        rest = fit.of_photos([p for p in fit.photos if p != photo])
+        glass = find_glass(rest)
+        optics = rest.state.optics
+        assert isinstance(optics, MirrorOptics)
+        panes = np.tile((glass.thickness, 1.52), (len(optics.planes), 1))
+        rest = replace(rest, state=replace(rest.state, optics=replace(optics, glass=panes))).solved(None)
+        cells = [str(photo + 1)]
+        for name, known in (("direct", {"direct"}), ("direct + left", {"direct", "left"})):
+            off = predicted(fit, rest, photo, known)
+            pooled[name].append(off)
+            cells.append(f"{np.sqrt((off**2).mean()):.2f}" if len(off) else "-")
+        every = predicted(fit, rest, photo, None)
+        moved[photo], view = shifted(fit, photo)
+        rows.append((*cells, f"{np.sqrt((every**2).mean()):.2f}", f"{moved[photo]:.2f} {view}"))
+    for name, offs in pooled.items():
+        off = np.concatenate(offs)
+        print(f"left out, from {name}: median {np.median(off):.3f}, RMS {np.sqrt((off**2).mean()):.3f} px")
+    crept = [str(p + 1) for p in fit.photos if moved[p] > CREPT]
+    print(
+        f"crept (a view {CREPT} px or more beside where the rig has it): photos {', '.join(crept) or 'none'}"
+    )
+    show(
+        "left out in turn, RMS px",
+        ("photo", "from direct", "direct + left", "pose from all", "shift of a view"),
+        rows,
+    )
+
+
+def shifted(fit: Fit, photo: int) -> tuple[float, str]:
+    """The view of a photo whose corners lie furthest, on the average, beside where the rig has them, px."""
+    means = {
+        s.view: float(np.linalg.norm(fit.residuals[a:b].mean(axis=0)))
+        for s, (a, b) in zip(fit.sightings, fit.looks.bounds)
+        if s.photo == photo and b - a >= 20
+    }
+    view = max(means, key=lambda v: means[v])
+    return means[view], str(view)
+
+
+def predicted(fit: Fit, rest: Fit, photo: int, known: set[str] | None) -> np.ndarray:
+    """Distances (N,) px in the views outside `known` when the pose comes from those in it (None: all)."""
+    chosen = [i for i, s in enumerate(fit.sightings) if s.photo == photo]
+    start = [i for i in chosen if known is None or fit.sightings[i].view in known]
+    others = chosen if known is None else [i for i in chosen if i not in start]
+    state = replace(fit.state, intrinsics=rest.state.intrinsics, optics=rest.state.optics)
+    looks, part, _ = subset(fit.looks, state, start)
+    held = np.zeros(part.shared, dtype=bool)
+    part = minimise(part, looks, held, fit.prior, 2.0, 50)
+    if not others:
+        return np.empty(0)
+    rest_looks, _, _ = subset(fit.looks, state, others)
+    return np.linalg.norm(rest_looks.pixels - part.predict(rest_looks), axis=1)
+
+
+def hand(folder: Path) -> None:
+    """The board's pose from some poses of the mirror against that from all five."""
+    board = Board("screen", "chessboard", (11, 8), 0.0275)
+    K = np.loadtxt(folder / "camera.txt", delimiter=",")
+    focal = (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
+    camera = Camera("brown-conrady", 1600, 1200, *focal, (0.0,) * 5)
+    sightings = []
+    for i in range(1, 6):
+        grey = cv2.imread(str(folder / f"input{i}.jpg"), cv2.IMREAD_GRAYSCALE)
+        sightings.append(detect_chessboards(grey, board, 0, i - 1)[0])
+    whole = solve_hand_mirror(board, sightings, camera)
+    far = float(np.linalg.norm(whole.T_cam_board[:3, 3]))
+    k1, k2 = whole.rig.camera.distortion[:2]
+    print(f"all five: RMS {whole.rms:.3f} px, distance {far:.4f} m, k1 {k1:.4f}, k2 {k2:.4f}")
+    rows = []
+    for count in (4, 3):
+        differences = []
+        for chosen in combinations(range(5), count):
+            T = solve_hand_mirror(board, [sightings[i] for i in chosen], camera).T_cam_board
+            turn = whole.T_cam_board[:3, :3].T @ T[:3, :3]
+            angle = np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
+            shift = 100 * np.linalg.norm(T[:3, 3] - whole.T_cam_board[:3, 3]) / far
+            differences.append((angle, shift))
+            rows.append((", ".join(str(i + 1) for i in chosen), f"{angle:.3f}", f"{shift:.3f}"))
+        middle, worst = np.median(differences, axis=0), np.max(differences, axis=0)
+        said = [f"{m:.3f} deg, {s:.3f} %" for m, s in (middle, worst)]
+        print(f"any {count}: median {said[0]}; worst {said[1]}")
+    show("board's pose against that from all five mirror poses", ("poses", "deg", "% of distance"), rows)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables of one of the two."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("which", choices=("table", "hand"))
+    which = parser.parse_args(arguments).which
+    folder = data_folder() / "mirrors"
+    cv2.setNumThreads(1)
+    if which == "table":
+        table(folder / "two-mirror-table")
+    else:
+        hand(folder / "one-mirror")
+
+
+if __name__ == "__main__":
+    main()
