@@ -144,12 +144,10 @@ def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
 
 def _from_photos(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
     """Without a drawing: mirrors and views first, then all that they let one find, then their glass."""
-    from facetcam.calibration.bootstrap import bootstrap
     from facetcam.calibration.completion import completed, find_glass, glazed
     from facetcam.calibration.solve import solve
 
-    with stage("finding mirrors"):
-        rig, sightings = bootstrap(seen.boards, seen.sightings, seen.photos[0].size)
+    rig, sightings = begun(seen, stage)
     with stage("solving for the views found") as progress:
         first = solve(rig, seen.boards, sightings, None, progress)
     with stage("looking for the board in all views"):
@@ -162,6 +160,16 @@ def _from_photos(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
         return calibration
     with stage("solving with glass") as progress:
         return solve(glazed(calibration.rig, glass.thickness), seen.boards, sightings, None, progress)
+
+
+def begun(seen: Seen, stage: Stage) -> tuple[Rig, list[Sighting]]:
+    """The drawing; without one, a rig found from the photos, and sightings that know their views."""
+    if seen.rig is not None:
+        return seen.rig, seen.sightings
+    from facetcam.calibration.bootstrap import bootstrap
+
+    with stage("finding mirrors"):
+        return bootstrap(seen.boards, seen.sightings, seen.photos[0].size)
 
 
 def judged(
