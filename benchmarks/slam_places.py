@@ -104,8 +104,7 @@ class Turner:
                     clear = self._in_sight(points[rows], self._eye(j, name))
                     rows, pixels = rows[clear], pixels[clear]
                 if len(rows):
-                    x, y = np.ascontiguousarray(pixels.T[:, None], np.float32)
-                    colours[rows] = cv2.remap(self._images[j], x, y, cv2.INTER_LINEAR)[0]
+                    colours[rows] = sampled(self._images[j], pixels)
                     missing[rows] = False
         return colours
 
@@ -124,6 +123,15 @@ class Turner:
         points = np.full(origins.shape, np.nan)
         points[ray] = places
         return points
+
+
+def sampled(image: Image, pixels: Array) -> Image:
+    """Colours (N, 3) at pixels (N, 2), between four neighbours; OpenCV takes no longer rows than these."""
+    parts = [
+        cv2.remap(image, *np.ascontiguousarray(part.T[:, :, None], np.float32), cv2.INTER_LINEAR)[:, 0]
+        for part in np.array_split(pixels, len(pixels) // 30000 + 1)
+    ]
+    return np.concatenate(parts)
 
 
 def error(state: State, truth: Array, alignment: Alignment) -> float:
