@@ -16,10 +16,10 @@ from facetcam.slam.scale import map_uncertainty
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_LOCAL_STOP = (5, 1e-4)  # iterations, relative change of the cost
+_LOCAL_STOP = (10, 1e-4)  # iterations, relative change of the cost
 _GLOBAL_STOP = (30, 1e-6)
 _LAST_STOP = (100, 1e-8)  # the scale of a map converges slowly
-_LOSS = 1.2  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
+_LOSS = 0.8  # standard deviations of a measurement at which its loss flattens: the scale needs a tight one
 _COARSE_LOSSES = (60.0, 10.0)
 _SCALE_HOLD = 0.3
 _MAX_FIXED = 10
