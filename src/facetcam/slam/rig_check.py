@@ -18,6 +18,7 @@ _MIN_VIEW_PAIRS = 25
 _MIN_SHARE = 0.7  # of a view's pairs that its own motion explains
 _COMPARISONS = 8  # that the verdict rests on
 _TRIES = 60  # comparisons, the useless ones too, after which the question stays open
+_STARTS = 2  # views whose motions are tried for the whole rig
 _GATE = 2.0  # px
 _MISFIT = 1.35
 
@@ -109,9 +110,9 @@ def _epipolar_errors(pairs: Pairs, optics: Optics) -> tuple[Array, Array] | None
         return None
     # Wrong matches must not count against the rig.
     good = Pairs(pairs.views[fits], pairs.plane_a[fits], pairs.plane_b[fits])
-    used = {v: T for v, T in motions.items() if v in good.views}
     # A start from one view may end in a local minimum, which must not count against the rig either.
-    errors = [_joint_errors(good, {v: T}, optics) for v, T in used.items()]
+    fullest = np.argsort(np.bincount(pairs.views[fits]), kind="stable")[::-1][:_STARTS].tolist()
+    errors = [_joint_errors(good, {view: motions[view]}, optics) for view in fullest if view in motions]
     return alone[fits], min(errors, key=lambda e: float(np.median(e)))
 
 
