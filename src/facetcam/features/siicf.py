@@ -20,7 +20,7 @@ from facetcam.features.keypoints import Keypoints
 from facetcam.features.paper import PaperParameters, paper_rows
 from facetcam.features.peaks import strongest
 
-MODES = {"robust": (0.01, 0.0225), "paper": (0.04, 500.0)}  # alpha, threshold
+MODES = {"robust": (0.01, 0.02), "paper": (0.04, 500.0)}  # alpha, threshold
 
 _NO_TABLE = np.zeros(0, np.int16)
 _VALUE_UNIT, _LARGEST = 4096.0, 16300.0  # fixed point of cpp/corner_kernels.hpp
@@ -59,7 +59,7 @@ class SIICFOptions:
     alpha : float
         Of Harris' det H - alpha trace^2 H, equation 5; None takes 0.01 (robust) or 0.04 (paper).
     threshold : float
-        Least response; None takes 0.0225 (robust) or 500 (paper). A robust response comes from gradients of
+        Least response; None takes 0.02 (robust) or 500 (paper). A robust response comes from gradients of
         the logarithm, so this is a contrast whatever the light; lower it for more, weaker corners.
     spread : int
         Robust: 0 keeps the strongest anywhere. Otherwise the side in pixels of square cells: the best of
@@ -97,7 +97,7 @@ class SIICFOptions:
     spread: int = 0
     eta: float = 64.0
     window: float = 1.5
-    coarse_weight: float = 0.8
+    coarse_weight: float = 1.0
     compression: float = 0.05
     suppression: int = 2
     border: int = 4
