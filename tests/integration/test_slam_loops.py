@@ -99,7 +99,7 @@ def driven(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple
 @pytest.mark.slow
 def test_a_drive_back_to_its_start_closes_a_loop(driven: tuple[Slam, Path], shared_data: Path) -> None:
     slam, _ = driven
-    assert slam.loops == 1
+    assert slam.loops >= 1  # it may be seen to close again further on
     truth = read_tum(shared_data / "house" / "loop.tum")
     assert evaluate(slam.trajectory(), truth, 0.02).ate.rmse < 0.03
 

@@ -20,7 +20,7 @@ _COMPARISONS = 8  # that the verdict rests on
 _TRIES = 60  # comparisons, the useless ones too, after which the question stays open
 _STARTS = 2  # views whose motions are tried for the whole rig
 _GATE = 2.0  # px
-_MISFIT = 1.35
+_MISFIT = 1.3
 
 
 class RigCheck:
