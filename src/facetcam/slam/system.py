@@ -112,7 +112,7 @@ class Slam:
         self._odometry: Array | None = None
         self._covariance = np.zeros((6, 6))  # of the last pose
         self._lost_frames = 0
-        self._trust = Trust()
+        self._trust = Trust(self._optics.n_views)
         self._next_global = _FIRST_GLOBAL
         self._placed = False  # in the map, at least once in this run
         self._continued = False  # a map of an earlier run

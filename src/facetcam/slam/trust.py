@@ -13,15 +13,20 @@ from facetcam.slam.tracking import Fix
 Array = NDArray[np.float64]
 
 _PROBATION = 5  # frames after a loss
-_AGAIN = 3  # frames that must find the same pose where none of them is clear
+_AGAIN = 3  # frames that must find the same pose where none of them is sure
+_LEAST_IN_VIEW = 5  # measurements by which a view confirms a pose
 _SAME_METRES = 0.3
 _SAME_RADIANS = 0.3
 
 
 @dataclass(slots=True)
 class Trust:
-    """Guards against look-alikes: repeated patterns may agree with a wrong pose for a frame or two."""
+    """Guards against look-alikes: repeated patterns may agree with a wrong pose for a frame or two.
 
+    A pattern that repeats on one wall fools one view, hardly two at once.
+    """
+
+    n_views: int
     _left: int = 0  # frames of probation
     _hope: Array | None = None
     _times: int = 0
@@ -38,7 +43,9 @@ class Trust:
             return False
         self._times = self._times + 1 if self._repeated(fix.T_world_rig) else 1
         self._hope = fix.T_world_rig
-        return fix.clear or fix.likely or self._times >= _AGAIN
+        views = np.bincount(fix.seen.view, minlength=self.n_views)
+        several = np.count_nonzero(views >= _LEAST_IN_VIEW) >= min(self.n_views, 2)
+        return bool((fix.likely and several) or self._times >= _AGAIN)
 
     def accept(self) -> None:
         """A pose was believed."""
