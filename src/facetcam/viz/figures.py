@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -167,7 +168,10 @@ def to_svg(figure: Figure) -> str:
         text.set_parse_math(False)  # names of views come from files: a $ is a $
     buffer = io.StringIO()
     # A fixed salt makes the ids, and so the whole page, the same in every run.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "facetcam", "font.size": 10}):
+    style = {"svg.fonttype": "none", "svg.hashsalt": "facetcam", "font.size": 10}
+    with mpl.rc_context(style), warnings.catch_warnings():
+        # A view as thin as a line keeps the place it has; the reader of a terminal cannot widen it.
+        warnings.filterwarnings("ignore", message="constrained_layout not applied")
         figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
     svg = buffer.getvalue()
     for mark, css in CSS_OF_MARK.items():
