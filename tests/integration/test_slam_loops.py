@@ -116,11 +116,11 @@ def test_a_map_that_drifted_apart_is_mended(driven: tuple[Slam, Path], shared_da
     last.corners = slam._tracker._corners(last.frame)
     places = slam._map.poses()[:, :3, 3] - true[:, :3, 3]
     before = np.linalg.norm(places, axis=1)
-    loop = slam._loops.close(last, metric=True)
+    loop = slam._parts.loops.close(last, metric=True)
     assert loop is not None and loop.points > 100
     assert loop.gap == pytest.approx(before[-1], abs=0.02)
-    slam._adjuster.adjust_coarsely()
-    slam._adjust_all()
+    slam._parts.adjuster.adjust_coarsely()
+    slam._grower.adjust_all()
     after = np.linalg.norm(slam._map.poses()[:, :3, 3] - true[:, :3, 3], axis=1)
     assert before.max() > 0.5
     assert after.max() < 0.25 * before.max()

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -91,21 +93,59 @@ def _grey_bytes(image: NDArray[np.generic]) -> Image:
     return np.ascontiguousarray(grey, dtype=np.uint8)
 
 
+class Features(Protocol):
+    """Finds corners and describes them by 256 bits."""
+
+    def detect(self, image: Image, mask: Image) -> Keypoints:
+        """Corners of a grey image (H, W) where the mask is set."""
+
+    def describe(
+        self, image: Image, keypoints: Keypoints, flipped: bool
+    ) -> tuple[Keypoints, NDArray[np.uint8]]:
+        """Descriptors (M, 32) of those keypoints that have one, turned by their angle; see `describe`."""
+
+
+FrontEnd = Callable[[int, int], Features]  # of the number of corners, and of a cell's side in pixels
+
+
+class SiicfFeatures:
+    """The front end: SIICF corners described by TEBLID."""
+
+    def __init__(self, max_features: int, cell: int) -> None:
+        self._detector = SIICF.create(
+            max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
+        )
+
+    def detect(self, image: Image, mask: Image) -> Keypoints:
+        """Corners of an image where the mask is set."""
+        return self._detector.detect(image, mask)
+
+    def describe(
+        self, image: Image, keypoints: Keypoints, flipped: bool
+    ) -> tuple[Keypoints, NDArray[np.uint8]]:
+        """Those keypoints that could be described, and their descriptors."""
+        return describe(image, keypoints, flipped)
+
+
 class CornerFinder:
-    """SIICF corners in the valid pixels of all views, with descriptors that know which way is up.
+    """Corners in the valid pixels of all views, with descriptors that know which way is up.
 
     Which way is up at a pixel is known from the rig, so the turn is taken out of the descriptor, and odd
     chains are described as the mirror images that they are.
+
+    Parameters
+    ----------
+    optics : Optics
+    max_features : int
+    front_end : FrontEnd
     """
 
-    def __init__(self, optics: Optics, max_features: int) -> None:
+    def __init__(self, optics: Optics, max_features: int, front_end: FrontEnd = SiicfFeatures) -> None:
         self._optics = optics
         self._one_at_a_time = threading.Lock()  # two threads may ask for the same frame
         # Cells of about nine corners: every part of every view has some, and no blank wall has many.
         cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
-        self._detector = SIICF.create(
-            max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
-        )
+        self._features = front_end(max_features, cell)
 
     def __call__(self, frame: Frame) -> Corners:
         """Corners of the frame, found once and kept with it."""
@@ -114,7 +154,7 @@ class CornerFinder:
 
     def _find(self, frame: Frame) -> Corners:
         if frame.corners is None:
-            keypoints = self._detector.detect(frame.grey, self._optics.mask)
+            keypoints = self._features.detect(frame.grey, self._optics.mask)
             views = self._optics.view_of(keypoints.xy.astype(np.float64))
             corners = self._describe(frame.grey, keypoints, views)
             frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
@@ -130,7 +170,7 @@ class CornerFinder:
             xy = keypoints.xy[chosen].astype(np.float64)
             roll = self._optics.upright_degrees(xy, views[chosen]).astype(np.float32)
             upright = replace(keypoints[chosen], angle=roll)
-            kept, descriptors = describe(grey, upright, flipped=flipped)
+            kept, descriptors = self._features.describe(grey, upright, flipped)
             xy = kept.xy.astype(np.float64)
             parts.append((xy, self._optics.view_of(xy), descriptors))
         if not parts:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 
 Array = NDArray[np.float64]
@@ -18,6 +19,16 @@ _UNLEVEL_RADIANS = 0.1  # a ramp or a bump between two keyframes
 _STANDING = 0.03  # metres; shorter ways say nothing about slip
 _SLIP = 0.5  # share of a way by which wheels and images may differ
 _TURN_SIGMAS = 4.0
+
+
+def checked_odometry(odometry: ArrayLike | None) -> Array | None:
+    """Odometry as three finite numbers; raises FacetcamError if it is anything else."""
+    if odometry is None:
+        return None
+    wheels = np.asarray(odometry, dtype=np.float64)
+    if wheels.shape != (3,) or not np.all(np.isfinite(wheels)):
+        raise FacetcamError(f"odometry: expected finite x, y, yaw, got {np.array2string(wheels)}")
+    return wheels
 
 
 def planar_pose(odometry: Array) -> Array:

@@ -16,33 +16,23 @@ from facetcam.errors import FacetcamError, MapError
 from facetcam.geometry import se3
 from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
-from facetcam.slam.adjustment import Adjuster
+from facetcam.slam import outputs
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import CornerFinder, Corners, Frame, make_frame
+from facetcam.slam.frame import Frame, make_frame
 from facetcam.slam.keyframes import is_due, nearest_keyframe
-from facetcam.slam.loops import LoopCloser
-from facetcam.slam.map import Map
-from facetcam.slam.map_arrays import from_arrays, to_arrays
-from facetcam.slam.map_file import MapHeader, read_map, require_rig, write_map
-from facetcam.slam.mapping import Mapper
-from facetcam.slam.odometry import planar_motion, planar_pose
+from facetcam.slam.map_file import MapHeader
+from facetcam.slam.odometry import checked_odometry, planar_motion, planar_pose
 from facetcam.slam.odometry_check import OdometryCheck
-from facetcam.slam.optics import Optics
-from facetcam.slam.places import Places
-from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.rig_check import RigCheck
-from facetcam.slam.starting import Starter
+from facetcam.slam.parts import Parts
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
-from facetcam.slam.tracking import Fix, Tracker
+from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.trust import Trust
 from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
 
 Array = NDArray[np.float64]
 
-_FIRST_GLOBAL = 5  # keyframes
-_GLOBAL_GROWTH = 1.5
 _YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
 _MAX_STEPS = 3.0  # for which a motion is taken to go on
@@ -61,8 +51,6 @@ class Slam:
 
     Attributes
     ----------
-    scale_sigma : float
-        Relative standard deviation of the map's scale, inf where the images cannot tell it.
     rig_check : RigCheck
         Whether the rig's file and the film belong together.
     odometry_check : OdometryCheck
@@ -84,22 +72,10 @@ class Slam:
     def __init__(self, rig: Rig, config: SlamConfig | None = None) -> None:
         self.rig = rig
         self.config = config or SlamConfig()
-        self.scale_sigma = np.inf
-        self.loops = 0
         self.timing: dict[str, list[float]] = defaultdict(list)
-        self._optics = Optics(rig, self.config.seam_margin)
-        corners = CornerFinder(self._optics, self.config.features)
-        self._map = Map()
-        self._adjuster = Adjuster(self._map, self._optics, self.config)
-        self._mapper = Mapper(self._map, self._optics, self.config, corners, self._adjuster)
-        self._places = Places()
-        relocaliser = Relocaliser(self._map, self._optics, self.config, corners, self._places)
-        self._tracker = Tracker(self._map, self._optics, self.config, corners, relocaliser)
-        self._loops = LoopCloser(
-            self._map, self._optics, self.config, self._places, relocaliser, self._tracker
-        )
-        self._starter = Starter(self._map, self._optics, self.config, corners, self._mapper, self._tracker)
-        self.rig_check = RigCheck(self._optics, self.config, corners)
+        self._parts = parts = self._assemble()
+        self._map, self._grower, self._tracker = parts.map, parts.grower, parts.tracker
+        self.rig_check = parts.rig_check
         self.odometry_check = OdometryCheck()
         self.dropped = 0
         self._calls = threading.Lock()
@@ -112,12 +88,15 @@ class Slam:
         self._odometry: Array | None = None
         self._covariance = np.zeros((6, 6))  # of the last pose
         self._lost_frames = 0
-        self._trust = Trust(self._optics.n_views)
-        self._next_global = _FIRST_GLOBAL
+        self._trust = Trust(parts.optics.n_views)
         self._placed = False  # in the map, at least once in this run
         self._continued = False  # a map of an earlier run
         self._localise_only = False
         self._earlier_loops = 0
+
+    def _assemble(self) -> Parts:
+        """The parts; benchmarks put others in."""
+        return Parts.assemble(self.rig, self.config)
 
     def track(self, image: NDArray[np.generic], timestamp: float, odometry: ArrayLike | None = None) -> State:
         """Take one raw frame and tell where the rig is.
@@ -143,7 +122,7 @@ class Slam:
         with self._calls:
             self._mapping.check()
             self._require_later(timestamp)
-            wheels = _checked(odometry)
+            wheels = checked_odometry(odometry)
             with self._timed("frame"):
                 frame = make_frame(image, timestamp, self.rig.size)
             self._last_timestamp = timestamp
@@ -208,29 +187,8 @@ class Slam:
         return is_due(fix, nearest, distance, self.config)
 
     def _grow(self, frame: Frame, fix: Fix, odometry: Array | None) -> None:
-        """Make a keyframe; in real time this runs beside tracking."""
         with self._timed("map"):
-            keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self.config.gate)
-            with self._map.lock:
-                self._trajectory.rehang(keyframe)
-                for settled in self._map.keyframes[self._places.indexed : -self.config.window]:
-                    self._places.add(settled)
-                    settled.corners = Corners.none()  # the index has what is worth keeping
-                loop = self._loops.close(keyframe, self.metric)
-            if loop is not None:
-                self.loops += 1
-                self._adjuster.adjust_coarsely()
-            if loop is not None or len(self._map.keyframes) >= self._next_global:
-                self._adjust_all()
-
-    def _adjust_all(self, last: bool = False) -> None:
-        """Adjust the whole map, since a window freezes the scale of its past, and judge the scale.
-
-        It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
-        """
-        self._adjuster.adjust_all(last)
-        self.scale_sigma = self._adjuster.judge()
-        self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
+            self._grower.grow(frame, fix, odometry, self._trajectory)
 
     def _miss(self, frame: Frame, predictions: list[Array], odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
@@ -252,16 +210,15 @@ class Slam:
     def _start_again(self, frame: Frame, odometry: Array | None) -> State:
         """A map that fails this early was wrong: forget it with its poses."""
         self._mapping.wait()
-        self._map.clear()
-        self._places.clear()
+        self._grower.start_again()
         self._trajectory.clear()
-        self.scale_sigma, self._next_global, self._lost_frames = np.inf, _FIRST_GLOBAL, 0
+        self._lost_frames = 0
         return self._start(frame, odometry)
 
     def _start(self, frame: Frame, odometry: Array | None) -> State:
         """Wait for two frames that can start the map."""
         with self._timed("start"):
-            start = self._starter.offer(frame, odometry)
+            start = self._parts.starter.offer(frame, odometry)
         if start is None:
             return State(
                 frame.timestamp, Status.STARTING, None if odometry is None else planar_pose(odometry)
@@ -281,7 +238,8 @@ class Slam:
 
     def _state(self, frame: Frame, fix: Fix, keyframe: bool) -> State:
         expected, inliers = (
-            np.bincount(rows.view, minlength=self._optics.n_views) for rows in (fix.predictions, fix.seen)
+            np.bincount(rows.view, minlength=self._parts.optics.n_views)
+            for rows in (fix.predictions, fix.seen)
         )
         with self._map.lock:
             T_world_rig = self._trajectory.last()
@@ -294,7 +252,9 @@ class Slam:
             status=Status.TRACKING,
             T_world_rig=T_world_rig,
             covariance=self._covariance,
-            views={n: ViewHealth(int(e), int(i)) for n, e, i in zip(self._optics.names, expected, inliers)},
+            views={
+                n: ViewHealth(int(e), int(i)) for n, e, i in zip(self._parts.optics.names, expected, inliers)
+            },
             keyframe=keyframe,
             metric=self.metric,
             scale_sigma=self.scale_sigma,
@@ -314,8 +274,8 @@ class Slam:
         with self._calls:
             self._mapping.wait()
             for keyframe in self._map.keyframes:
-                if keyframe.session == self._mapper.session:
-                    keyframe.odometry = _checked(at(keyframe.timestamp))
+                if keyframe.session == self._parts.mapper.session:
+                    keyframe.odometry = checked_odometry(at(keyframe.timestamp))
             self._odometry = None
 
     def finish(self) -> None:
@@ -324,7 +284,7 @@ class Slam:
             self._mapping.wait()
             self._checking.wait()
             if not self._localise_only:
-                self._adjust_all(last=True)
+                self._grower.adjust_all(last=True)
 
     def close(self) -> None:
         """Wait until nothing grows the map any more: for runs that end early. The map stays."""
@@ -347,37 +307,37 @@ class Slam:
         """
         if self._map.keyframes or np.isfinite(self._last_timestamp):
             raise MapError(f"{path}: a map is loaded before the first frame")
-        header, arrays = read_map(path)
-        require_rig(path, header, self.rig)
-        try:
-            from_arrays(arrays, self._map, self._places, self._optics)
-        except (KeyError, ValueError, TypeError) as error:
-            raise MapError(f"{path}: its parts contradict each other ({error}); map again") from error
+        header = outputs.load(path, self.rig, self._map, self._parts.places, self._parts.optics)
         self._continued, self._localise_only = True, localise_only
         self._trust.lose()
-        self._mapper.session, self._earlier_loops = header.sessions, header.loops
-        self.scale_sigma = np.inf if header.scale_sigma is None else header.scale_sigma
-        self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
+        self._parts.mapper.session, self._earlier_loops = header.sessions, header.loops
+        self._grower.go_on(np.inf if header.scale_sigma is None else header.scale_sigma)
         return header
 
     def save_map(self, path: Path | str) -> None:
         """Write the map as one file, in place of an older one; raises `OutputError` where it cannot."""
-        with self._map.lock:
-            arrays = to_arrays(self._map, self._places)
-            sessions = 1 + max((k.session for k in self._map.keyframes), default=-1)
         loops = self._earlier_loops + self.loops
-        header = MapHeader.of(self.rig, arrays, sessions, self.metric, self.scale_sigma, loops)
-        write_map(Path(path), header, arrays)
+        outputs.save(path, self.rig, self._map, self._parts.places, self.metric, self.scale_sigma, loops)
 
     @property
     def grown(self) -> bool:
         """True where this run added to the map."""
-        return bool(self._map.keyframes) and self._map.keyframes[-1].session == self._mapper.session
+        return bool(self._map.keyframes) and self._map.keyframes[-1].session == self._parts.mapper.session
 
     @property
     def metric(self) -> bool:
         """True where the images prove the scale of the map."""
-        return self.scale_sigma < self.config.metric_sigma
+        return self._grower.metric
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the map's scale, inf where the images cannot tell it."""
+        return self._grower.scale_sigma
+
+    @property
+    def loops(self) -> int:
+        """Loops closed in this run."""
+        return self._grower.loops
 
     @property
     def _n_points(self) -> int:
@@ -396,41 +356,14 @@ class Slam:
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         """World positions (M, 3) in metres and RGB colours (M, 3) of the map points."""
-        with self._map.lock:
-            points = self._map.points
-            return points.xyz[points.alive].copy(), points.colour[points.alive].copy()
+        return outputs.coloured_cloud(self._map)
 
     def rig_frames(self) -> list[RigFrame]:
         """What the keyframes saw of the points of `cloud`, whose rows `point` gives."""
-        alive = self._map.points.alive
-        row = np.cumsum(alive) - 1
-        frames = []
-        for keyframe in self._map.keyframes:
-            seen = keyframe.observations
-            kept = alive[seen.point]
-            frames.append(
-                RigFrame(
-                    keyframe.timestamp,
-                    keyframe.T_world_rig,
-                    seen.view[kept],
-                    row[seen.point[kept]],
-                    seen.pixels[kept],
-                )
-            )
-        return frames
+        return outputs.sightings_of_keyframes(self._map)
 
     @contextmanager
     def _timed(self, stage: str) -> Iterator[None]:
         start = time.perf_counter()
         yield
         self.timing[stage].append(time.perf_counter() - start)
-
-
-def _checked(odometry: ArrayLike | None) -> Array | None:
-    """Odometry as three finite numbers."""
-    if odometry is None:
-        return None
-    wheels = np.asarray(odometry, dtype=np.float64)
-    if wheels.shape != (3,) or not np.all(np.isfinite(wheels)):
-        raise FacetcamError(f"odometry: expected finite x, y, yaw, got {np.array2string(wheels)}")
-    return wheels

@@ -1,0 +1,100 @@
+"""The map while it grows: keyframes, loops, and when all of it is adjusted and its scale judged."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import Corners, Frame
+from facetcam.slam.loops import LoopCloser
+from facetcam.slam.map import Map
+from facetcam.slam.mapping import Mapper
+from facetcam.slam.places import Places
+from facetcam.slam.tracking import Fix
+from facetcam.slam.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_FIRST_GLOBAL = 5  # keyframes
+_GLOBAL_GROWTH = 1.5
+
+
+class Grower:
+    """Adds keyframes to the map, closes loops, and adjusts the whole map now and then.
+
+    Parameters
+    ----------
+    map, places, mapper, adjuster, closer, config
+        The parts of the system.
+
+    Attributes
+    ----------
+    scale_sigma : float
+        Relative standard deviation of the map's scale, inf where the images cannot tell it.
+    loops : int
+        Closed in this run.
+    """
+
+    def __init__(
+        self,
+        map: Map,
+        places: Places,
+        mapper: Mapper,
+        adjuster: Adjuster,
+        closer: LoopCloser,
+        config: SlamConfig,
+    ) -> None:
+        self._map = map
+        self._places = places
+        self._mapper = mapper
+        self._adjuster = adjuster
+        self._closer = closer
+        self._config = config
+        self.scale_sigma = np.inf
+        self.loops = 0
+        self._next_global = _FIRST_GLOBAL
+
+    @property
+    def metric(self) -> bool:
+        """True where the images prove the scale of the map."""
+        return self.scale_sigma < self._config.metric_sigma
+
+    def grow(self, frame: Frame, fix: Fix, odometry: Array | None, trajectory: Trajectory) -> None:
+        """Make a keyframe; in real time this runs beside tracking."""
+        keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self._config.gate)
+        with self._map.lock:
+            trajectory.rehang(keyframe)
+            for settled in self._map.keyframes[self._places.indexed : -self._config.window]:
+                self._places.add(settled)
+                settled.corners = Corners.none()  # the index has what is worth keeping
+            loop = self._closer.close(keyframe, self.metric)
+        if loop is not None:
+            self.loops += 1
+            self._adjuster.adjust_coarsely()
+        if loop is not None or len(self._map.keyframes) >= self._next_global:
+            self.adjust_all()
+
+    def adjust_all(self, last: bool = False) -> None:
+        """Adjust the whole map, since a window freezes the scale of its past, and judge the scale.
+
+        It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
+        """
+        self._adjuster.adjust_all(last)
+        self.scale_sigma = self._adjuster.judge()
+        self._settle()
+
+    def go_on(self, scale_sigma: float) -> None:
+        """Grow from a map of an earlier run."""
+        self.scale_sigma = scale_sigma
+        self._settle()
+
+    def start_again(self) -> None:
+        """Forget the map."""
+        self._map.clear()
+        self._places.clear()
+        self.scale_sigma, self._next_global = np.inf, _FIRST_GLOBAL
+
+    def _settle(self) -> None:
+        self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1
