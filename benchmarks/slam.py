@@ -1,19 +1,29 @@
-"""Error, speed and memory of `facetcam slam` on the films with truth, each run a process of its own."""
+"""Error, speed and memory of `facetcam slam` on the films with truth, each run a process of its own.
+
+*live* is the error of the poses as they were given while the film ran (`states.csv`); the others are those of
+the final ones.
+"""
 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from _common import data_folder, show
 
-COLUMNS = ("film", "frames", "tracked", "ATE cm", "ATE scaled cm", "scale", "frames/s", "peak MB")
+from facetcam.evaluation.trajectory import associate, ate
+from facetcam.io.trajectories import read_tum
+
+COLUMNS = ("film", "frames", "tracked", "ATE cm", "scaled cm", "live cm", "scale", "frames/s", "peak MB")
+MAX_GAP = 0.02  # seconds between a pose and its truth
 
 
 @dataclass(frozen=True)
@@ -50,10 +60,22 @@ def measure(run: Run, data: Path) -> list[str]:
         done = subprocess.run(run.command(data, out), capture_output=True, text=True)
         if done.returncode:
             return [run.name, "", done.stderr.strip().splitlines()[-1]]
-        return row(run.name, json.loads((out / "summary.json").read_text()))
+        live = live_error(out / "states.csv", data / run.truth)
+        return row(run.name, json.loads((out / "summary.json").read_text()), live)
 
 
-def row(name: str, summary: dict[str, Any]) -> list[str]:
+def live_error(states: Path, truth: Path) -> float:
+    """ATE in metres of all poses of a table of states, at the scale that they had."""
+    with states.open() as file:
+        rows = [r for r in csv.DictReader(file) if r["tx"]]
+    times = np.array([float(r["timestamp"]) for r in rows])
+    positions = np.array([[float(r[axis]) for axis in ("tx", "ty", "tz")] for r in rows])
+    true_times, poses = read_tum(truth)
+    own, true = associate(times, true_times, MAX_GAP)
+    return ate(positions[own], poses[true, :3, 3], with_scale=False).rmse
+
+
+def row(name: str, summary: dict[str, Any], live: float) -> list[str]:
     errors, sigma = summary["errors"], summary["scale_sigma"]
     known = "" if sigma is None else f" ± {100 * sigma:.2g} %"
     return [
@@ -62,6 +84,7 @@ def row(name: str, summary: dict[str, Any]) -> list[str]:
         f"{100 * summary['tracked'] / summary['frames']:.1f} %",
         f"{100 * errors['ate']['rmse']:.1f}" if errors else "no path",
         f"{100 * errors['ate_scaled']['rmse']:.1f}" if errors else "",
+        f"{100 * live:.1f}",
         ("METRIC" if summary["metric"] else "NOT METRIC") + known,
         f"{summary['frames_per_second']:.1f}",
         f"{summary['peak_memory_mb']:.0f}",
@@ -71,9 +94,12 @@ def row(name: str, summary: dict[str, Any]) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="run only films whose name holds this")
-    only: str = parser.parse_args().only
-    data = data_folder()
-    show("facetcam slam", COLUMNS, [measure(run, data) for run in RUNS if only in run.name])
+    parser.add_argument("--rig", type=Path, help="rig of the house films in place of the true one")
+    options = parser.parse_args()
+    data, runs = data_folder(), [run for run in RUNS if options.only in run.name]
+    if options.rig is not None:
+        runs = [replace(run, rig=str(options.rig.resolve())) for run in runs if run.rig == HOUSE]
+    show("facetcam slam", COLUMNS, [measure(run, data) for run in runs])
 
 
 if __name__ == "__main__":
