@@ -11,6 +11,7 @@ namespace {
 constexpr int kLeastBandRows = 64;
 constexpr int kShare = 128;             // corners of one task
 constexpr float kSizePerWindow = 8.0f;  // diameter: four sigma of the window on either side
+constexpr float kAngleSigma = 0.25f;    // of the Gaussian under which the direction is taken, in sizes
 constexpr float kDegreesPerRadian = 57.29577951f;
 
 // Rows of one task: every band computes some rows of its neighbours again, so few bands, but enough to share.
@@ -125,8 +126,9 @@ Keypoint with_size_and_angle(const Octaves& octaves, const std::vector<Map>& map
     if (options.oriented) {
         const int above = std::min(octave + 1, octaves.count() - 1);
         const OctaveGrid& grid = octaves.grid(above);
-        angle = kDegreesPerRadian * octaves.centroid_angle(above, (corner.x - grid.origin_x) / grid.step,
-                                                           (corner.y - grid.origin_y) / grid.step);
+        angle = kDegreesPerRadian * octaves.gradient_angle(above, (corner.x - grid.origin_x) / grid.step,
+                                                           (corner.y - grid.origin_y) / grid.step,
+                                                           kAngleSigma * size / grid.step);
     }
     if (angle >= 360.0f) angle = 0.0f;  // just below 2 pi may round up
     return {corner.x, corner.y, size, angle, corner.response, octave};

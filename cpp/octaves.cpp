@@ -1,6 +1,7 @@
 #include "octaves.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "parallel.hpp"
@@ -10,9 +11,19 @@ namespace {
 
 constexpr int kSmallestSide = 24;
 constexpr int kBandRows = 64;
-constexpr int kPatchRadius = 7;
-constexpr float kPatchWeights[kPatchRadius + 1] = {1.0f,    0.9460f, 0.8007f, 0.6065f,
-                                                   0.4111f, 0.2494f, 0.1353f, 0.0657f};  // sigma 3
+constexpr int kMostRadius = 12;  // of the patch that gives a direction
+
+// Gaussian weights of the pixels `first`, `first` + 1, ... about a place.
+using Weights = std::array<float, 2 * kMostRadius + 1>;
+
+Weights gaussian(float place, int first, int count, float sigma) {
+    Weights weights{};
+    for (int i = 0; i < count; ++i) {
+        const float off = (first + i - place) / sigma;
+        weights[i] = std::exp(-0.5f * off * off);
+    }
+    return weights;
+}
 
 template <class Pixel, class Convert>
 void read_pixels(const char* row, std::ptrdiff_t step, int n, std::int16_t* out, const Convert& convert) {
@@ -74,33 +85,36 @@ std::int16_t Octaves::value(int octave, int x, int y) const {
     return out;
 }
 
-void Octaves::read_patch_row(int octave, int x, int y, std::int16_t* out) const {
+void Octaves::read_run(int octave, int x, int y, int count, std::int16_t* out) const {
     const OctaveGrid& grid = grids_[octave];
-    const bool inside = x >= kPatchRadius && x + kPatchRadius < grid.width && y >= 0 && y < grid.height;
+    const bool inside = x >= 0 && x + count <= grid.width && y >= 0 && y < grid.height;
     if (inside && octave > 0) {
-        std::copy_n(row(octave, y) + x - kPatchRadius, 2 * kPatchRadius + 1, out);
+        std::copy_n(row(octave, y) + x, count, out);
     } else {
-        for (int i = -kPatchRadius; i <= kPatchRadius; ++i) out[i + kPatchRadius] = value(octave, x + i, y);
+        for (int i = 0; i < count; ++i) out[i] = value(octave, x + i, y);
     }
 }
 
-float Octaves::centroid_angle(int octave, float x, float y) const {
+float Octaves::gradient_angle(int octave, float x, float y, float sigma) const {
     const int cx = static_cast<int>(std::lround(x)), cy = static_cast<int>(std::lround(y));
-    float mx = 0.0f, my = 0.0f;
-    for (int j = -kPatchRadius; j <= kPatchRadius; ++j) {
-        std::int16_t patch[2 * kPatchRadius + 1];
-        read_patch_row(octave, cx, cy + j, patch);
-        const std::int16_t* centre = patch + kPatchRadius;
-        const float weight = kPatchWeights[std::abs(j)];
-        float sum = centre[0], moment = 0.0f;
-        for (int i = 1; i <= kPatchRadius; ++i) {
-            moment += i * kPatchWeights[i] * (centre[i] - centre[-i]);
-            sum += kPatchWeights[i] * (centre[i] + centre[-i]);
+    const int radius = std::min(static_cast<int>(std::ceil(3.0f * sigma)), kMostRadius);
+    const int left = cx - radius, top = cy - radius, count = 2 * radius + 1;
+    const Weights across = gaussian(x, left, count, sigma), down = gaussian(y, top, count, sigma);
+    const int level = value(octave, cx, cy);  // taken away, as the weights are not quite even about the place
+    float gx = 0.0f, gy = 0.0f;
+    for (int j = 0; j < count; ++j) {
+        std::int16_t pixels[2 * kMostRadius + 1];
+        read_run(octave, left, top + j, count, pixels);
+        float sum = 0.0f, moment = 0.0f;
+        for (int i = 0; i < count; ++i) {
+            const float weighted = across[i] * static_cast<float>(pixels[i] - level);
+            sum += weighted;
+            moment += weighted * (left + i - x);
         }
-        mx += weight * moment;
-        my += weight * j * sum;
+        gx += down[j] * moment;
+        gy += down[j] * (top + j - y) * sum;
     }
-    const float angle = std::atan2(my, mx);
+    const float angle = std::atan2(gy, gx);
     return angle < 0.0f ? angle + 2.0f * static_cast<float>(M_PI) : angle;
 }
 

@@ -42,14 +42,14 @@ class Octaves {
     const std::int16_t* row(int octave, int y) const {
         return planes_[octave].data() + static_cast<std::size_t>(y) * padded(grids_[octave].width);
     }
-    // Direction from a point to the centroid of the values round it under a Gaussian of sigma 3, radians in
-    // [0, 2 pi); the point in pixels of the octave.
-    float centroid_angle(int octave, float x, float y) const;
+    // Direction of the gradient of the values smoothed by a Gaussian, radians in [0, 2 pi); the point and
+    // sigma in pixels of the octave.
+    float gradient_angle(int octave, float x, float y, float sigma) const;
 
  private:
     void build(int octave, int threads);
     void transfer_pixels(const char* first, int n, std::int16_t* out) const;
-    void read_patch_row(int octave, int x, int y, std::int16_t* out) const;
+    void read_run(int octave, int x, int y, int count, std::int16_t* out) const;
     std::int16_t value(int octave, int x, int y) const;
 
     ImageView image_;

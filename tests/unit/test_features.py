@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.features import SIICF, Keypoints, describe, match_mutual, match_windowed
@@ -128,6 +129,23 @@ def test_keypoints_go_to_opencv_and_back(scene: np.ndarray) -> None:
     again = Keypoints.from_cv2(found.to_cv2())
     for name in ("xy", "size", "angle", "response", "level"):
         np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-6)
+
+
+@pytest.mark.parametrize(("scale", "median", "share"), [(1.0, 3.0, 0.85), (0.7, 7.0, 0.65)])
+@pytest.mark.parametrize("degrees", [10.0, 37.0, 90.0, 215.0])
+def test_directions_turn_with_the_image(
+    scene: np.ndarray, degrees: float, scale: float, median: float, share: float
+) -> None:
+    A = cv2.getRotationMatrix2D((159.5, 119.5), -degrees, scale)  # clockwise as shown, like angles
+    turned = SIICF.create().detect(cv2.warpAffine(scene, A, (320, 240), borderMode=cv2.BORDER_REFLECT))
+    found = SIICF.create().detect(scene)
+    distance, nearest = cKDTree(found.xy @ A[:, :2].T + A[:, 2]).query(turned.xy)
+    same = distance < 1.0
+    error = turned.angle[same] - found.angle[nearest[same]] - degrees
+    error = np.abs((error + 180) % 360 - 180)
+    assert same.sum() > 80
+    assert np.median(error) < median
+    assert np.mean(error < 12.0) > share
 
 
 def test_descriptors_of_a_mirrored_view_match_the_direct_view(scene: np.ndarray) -> None:
