@@ -56,7 +56,7 @@ def test_interface(detector: type, blobs: tuple[np.ndarray, np.ndarray]) -> None
     assert len(detector.create().detect(image, np.zeros(image.shape, np.uint8))) == 0
     assert len(detector.create().detect(np.zeros((5, 4), np.uint8))) == 0
     _, descriptors = detector.create().detectAndCompute(image)
-    assert descriptors.dtype == np.uint8
+    assert descriptors.dtype == np.float32
     with pytest.raises(ConfigError, match="did you mean 'threshold'"):
         detector.create(treshold=1.0)
     with pytest.raises(ConfigError, match="max_features must be at least 1"):
@@ -68,5 +68,8 @@ def test_interface(detector: type, blobs: tuple[np.ndarray, np.ndarray]) -> None
 @pytest.mark.parametrize("mode", ["robust", "paper"])
 def test_opencv_properties(mode: str) -> None:
     detector = SIICF.create(mode=mode)
+    assert (detector.descriptorSize(), detector.defaultNorm()) == (128, cv2.NORM_L2)
+    assert detector.descriptorType() == cv2.CV_32F
+    detector = SIICF.create(mode=mode, descriptor="binary")
     assert (detector.descriptorSize(), detector.defaultNorm()) == (32, cv2.NORM_HAMMING)
     assert detector.descriptorType() == cv2.CV_8U

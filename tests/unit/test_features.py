@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -110,9 +112,11 @@ def test_wrong_images_say_what_is_wrong(image: np.ndarray, message: str) -> None
 @pytest.mark.parametrize("shape", [(1, 1), (3, 200), (200, 3), (24, 24)])
 @pytest.mark.parametrize("value", [0, 255])
 def test_tiny_black_and_saturated_images_have_no_corners(shape: tuple[int, int], value: int) -> None:
-    keypoints, descriptors = SIICF.create().detectAndCompute(np.full(shape, value, np.uint8))
-    assert keypoints.xy.shape == (0, 2)
-    assert descriptors.shape == (0, 32)
+    for descriptor, columns in (("gradients", 128), ("binary", 32)):
+        detector = SIICF.create(descriptor=descriptor)
+        keypoints, descriptors = detector.detectAndCompute(np.full(shape, value, np.uint8))
+        assert keypoints.xy.shape == (0, 2)
+        assert descriptors.shape == (0, columns)
 
 
 def test_wrong_mask_and_parameters(scene: np.ndarray) -> None:
@@ -148,16 +152,68 @@ def test_directions_turn_with_the_image(
     assert np.mean(error < 12.0) > share
 
 
-def test_descriptors_of_a_mirrored_view_match_the_direct_view(scene: np.ndarray) -> None:
+@pytest.mark.parametrize("descriptor", ["gradients", "binary"])
+def test_descriptors_of_a_mirrored_view_match_the_direct_view(scene: np.ndarray, descriptor: str) -> None:
     found = SIICF.create(max_features=200).detect(scene)
-    found, direct = describe(scene, found)
+    found, direct = describe(scene, found, descriptor=descriptor)
     xy = np.column_stack([scene.shape[1] - 1 - found.xy[:, 0], found.xy[:, 1]])
     seen = Keypoints(xy, found.size, np.mod(180 - found.angle, 360), found.response, found.level)
-    kept, mirrored = describe(np.ascontiguousarray(scene[:, ::-1]), seen, flipped=True)
+    flipped = np.ascontiguousarray(scene[:, ::-1])
+    kept, mirrored = describe(flipped, seen, flipped=True, descriptor=descriptor)
     assert len(kept) > 100
     matches = match_mutual(direct, mirrored)
     expected = np.linalg.norm(xy[matches[:, 0]] - kept.xy[matches[:, 1]], axis=1)
     assert (expected < 0.5).mean() > 0.95
+
+
+def test_gradients_bear_a_wrong_size_better_than_one_patch_does(scene: np.ndarray) -> None:
+    found = SIICF.create(max_features=150).detect(scene)
+    _, right = describe(scene, found)
+    assert (right.shape, right.dtype) == ((len(found), 128), np.float32)
+    np.testing.assert_allclose(np.linalg.norm(right, axis=1), 1.0, rtol=1e-5)
+    wrong_size = replace(found, size=found.size * np.float32(1.6))
+    _, wrong = describe(scene, wrong_size)
+    ours = match_mutual(right, wrong)
+    sift = cv2.SIFT.create()
+    one_patch = [sift.compute(scene, points.to_cv2())[1] for points in (found, wrong_size)]
+    theirs = match_mutual(*one_patch)
+    shares = [np.sum(matches[:, 0] == matches[:, 1]) / len(found) for matches in (ours, theirs)]
+    assert shares[0] > 0.9
+    assert shares[0] > shares[1]
+
+
+def test_descriptors_say_how_they_compare(scene: np.ndarray) -> None:
+    for descriptor, norm in (("gradients", cv2.NORM_L2), ("binary", cv2.NORM_HAMMING)):
+        detector = SIICF.create(max_features=30, descriptor=descriptor)
+        _, descriptors = detector.detectAndCompute(scene)
+        assert detector.defaultNorm() == norm
+        assert detector.descriptorSize() == descriptors.shape[1]
+        matches = cv2.BFMatcher(detector.defaultNorm(), crossCheck=True).match(descriptors, descriptors)
+        assert all(match.queryIdx == match.trainIdx for match in matches)
+    flat, none = np.full((60, 80), 50, np.uint8), Keypoints.at(np.array([[40, 30]], np.float32))
+    assert not describe(flat, none)[1].any()
+    assert describe(flat, none[:0])[1].shape == (0, 128)
+    with pytest.raises(ConfigError, match="did you mean 'binary'"):
+        SIICF.create(descriptor="binray")
+
+
+def test_mutual_matches_of_floats_are_those_of_brute_force() -> None:
+    rng = np.random.default_rng(3)
+    a, b = (rng.normal(size=(n, 16)).astype(np.float32) for n in (60, 45))
+    b[:30] = a[:30] + 0.3 * rng.normal(size=(30, 16))
+    distance = np.linalg.norm(a[:, None].astype(float) - b, axis=2)
+    first = distance.argmin(axis=1)
+    mutual = distance.argmin(axis=0)[first] == np.arange(len(a))
+    best, second = np.sort(distance, axis=1)[:, :2].T
+    for ratio, limit in ((1.0, None), (0.6, None), (1.0, 1.2)):
+        kept = mutual & (best <= ratio * second) & (best <= (limit or np.inf))
+        expected = np.column_stack([np.flatnonzero(kept), first[kept]])
+        np.testing.assert_array_equal(match_mutual(a, b, ratio, limit), expected)
+    assert match_mutual(a, b[:0]).shape == (0, 2)
+    assert match_mutual(a[:5], a[:1]).tolist() == [[0, 0]]
+    for wrong in (b[:, :8], np.full_like(b, np.nan), b.astype(np.uint8)):
+        with pytest.raises(FacetcamError, match="train descriptors: expected"):
+            match_mutual(a, wrong)
 
 
 def brute_distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -203,7 +259,12 @@ def test_matching_nothing_gives_nothing() -> None:
     assert match_mutual(one, none).shape == (0, 2)
     found = match_windowed(one, [[0, 0]], [0], none, np.zeros((0, 2)), np.zeros(0), 5.0)
     np.testing.assert_array_equal(found, [-1])
+    floats = np.zeros((1, 32), np.float32)
+    with pytest.raises(FacetcamError, match="query descriptors: expected uint8"):
+        match_mutual(one.astype(np.int32), one)
+    with pytest.raises(FacetcamError, match="train descriptors: expected floats"):
+        match_mutual(floats, one)
     with pytest.raises(FacetcamError, match="expected uint8"):
-        match_mutual(np.zeros((1, 32), np.float32), one)
+        match_windowed(floats, [[0, 0]], [0], floats, [[0, 0]], [0], 5.0)
     with pytest.raises(FacetcamError, match="radius"):
         match_windowed(one, [[0, 0]], [0], one, [[0, 0]], [0], float("nan"))

@@ -1,25 +1,51 @@
-"""Binary descriptors of keypoints: TEBLID, 256 bits, turned by the keypoint's angle.
+"""Descriptors of keypoints, turned by their angle: histograms of gradients, or 256 bits.
 
-Source: I. Suarez, J. M. Buenaposada, L. Baumela, "Revisiting binary local image description for
-resource limited devices", 2021, https://arxiv.org/abs/2108.08380.
+``gradients`` match over larger changes of scale and viewpoint; ``binary`` ones are ten times smaller and
+faster. docs/benchmarks-detectors.md compares them.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.config import nearest
+from facetcam.errors import ConfigError
 from facetcam.features.images import Image, as_grey
 from facetcam.features.keypoints import Keypoints
 
-DESCRIPTOR_BYTES = 32
-_PATCH_PER_SIZE = 3.5  # 42 pixels for the finest corners: best of 26 to 56 on light, JPEG and viewpoint
+Described = tuple[Keypoints, NDArray[Any]]
+
+DESCRIPTOR_BYTES = 32  # of a binary one
+_GRADIENT_WORDS = 128
+_SIFT_WIDTH_PER_SIZE = 6.0  # how OpenCV's SIFT lays its patch out
+_SIFT_SIGMA = 1.6
+# Widths of patches in sizes of the keypoint, by measurement on light, JPEG, zoom, viewpoint and noise.
+_POOLED_WIDTHS = (1.5, 3.0, 6.0)
+_BINARY_WIDTH = 3.5
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """How one kind of descriptors is made and compared, in OpenCV's terms.
+
+    `compute` gives the indices of the keypoints that could be described, and their descriptors.
+    """
+
+    size: int
+    dtype: int
+    norm: int
+    compute: Callable[[Image, Keypoints], tuple[NDArray[np.intp], NDArray[Any]]]
 
 
 def describe(
-    image: Image, keypoints: Keypoints, flipped: bool = False
-) -> tuple[Keypoints, NDArray[np.uint8]]:
+    image: Image, keypoints: Keypoints, flipped: bool = False, descriptor: str = "gradients"
+) -> Described:
     """Describe keypoints by the patch round them, turned by their angle.
 
     Parameters
@@ -31,25 +57,34 @@ def describe(
     flipped : bool
         The points were seen through an odd number of mirrors: the patch is flipped left to right first,
         so that its descriptor equals the one of the same point seen directly.
+    descriptor : str
+        "gradients" or "binary".
 
     Returns
     -------
     Keypoints
         The M <= N points whose patch could be described, unchanged.
-    descriptors : (M, 32) uint8
+    descriptors : (M, 128) float32 or (M, 32) uint8
+        Gradients have length 1 (0 where the patch is flat) and are compared by Euclidean distance, binary
+        ones by Hamming distance.
+
+    Raises
+    ------
+    FacetcamError
+        An unknown descriptor, or an image of wrong type or shape.
     """
-    grey = as_bytes(as_grey(image))
-    patches = _mirrored(keypoints, grey.shape[1]) if flipped else keypoints
+    kind, grey, patches = description(descriptor), as_bytes(as_grey(image)), keypoints
     if flipped:
-        grey = np.ascontiguousarray(grey[:, ::-1])
-    points = patches.to_cv2()
-    for index, point in enumerate(points):
-        point.class_id = index
-    teblid = cv2.xfeatures2d.TEBLID.create(_PATCH_PER_SIZE)
-    kept, descriptors = teblid.compute(grey, points)
-    if descriptors is None:
-        return keypoints[:0], np.empty((0, DESCRIPTOR_BYTES), np.uint8)
-    return keypoints[np.array([point.class_id for point in kept], np.intp)], descriptors
+        grey, patches = np.ascontiguousarray(grey[:, ::-1]), _mirrored(keypoints, grey.shape[1])
+    kept, descriptors = kind.compute(grey, patches)
+    return keypoints[kept], descriptors
+
+
+def description(descriptor: str) -> Description:
+    """Look a kind of descriptors up by name; ConfigError where there is none."""
+    if descriptor not in _KINDS:
+        raise ConfigError(f"descriptor: unknown kind {descriptor!r}; {nearest(descriptor, list(_KINDS))}")
+    return _KINDS[descriptor]
 
 
 def as_bytes(grey: Image) -> NDArray[np.uint8]:
@@ -60,6 +95,59 @@ def as_bytes(grey: Image) -> NDArray[np.uint8]:
     scaled = (grey.astype(np.float32) - low) * (255.0 / max(high - low, 1e-12))
     stretched: NDArray[np.uint8] = np.clip(scaled + 0.5, 0, 255).astype(np.uint8)
     return stretched
+
+
+def _gradients(grey: Image, keypoints: Keypoints) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """SIFT's histograms of gradients pooled over patches of three sizes, and their roots.
+
+    A corner's size is known to half an octave; pooling makes the descriptor bear that.
+
+    Source: D. Lowe, "Distinctive image features from scale-invariant keypoints", 2004; J. Dong, S. Soatto,
+    "Domain-size pooling in local descriptors: DSP-SIFT", 2015, https://arxiv.org/abs/1412.8556; roots:
+    R. Arandjelovic, A. Zisserman, "Three things everyone should know to improve object retrieval", 2012.
+    """
+    everyone = np.arange(len(keypoints))
+    if len(keypoints) == 0:
+        return everyone, np.empty((0, _GRADIENT_WORDS), np.float32)
+    patches = [patch for width in _POOLED_WIDTHS for patch in _sift_patches(keypoints, width)]
+    _, histograms = cv2.SIFT.create(nOctaveLayers=1).compute(grey, patches)
+    pooled = _shares(histograms.reshape(len(_POOLED_WIDTHS), len(keypoints), -1)).sum(axis=0)
+    return everyone, np.sqrt(_shares(pooled))
+
+
+def _sift_patches(keypoints: Keypoints, width: float) -> list[Any]:
+    """Keypoints of OpenCV whose SIFT patch is `width` sizes wide, taken from the octave to match."""
+    points = keypoints.to_cv2()
+    for point in points:
+        point.size *= width / _SIFT_WIDTH_PER_SIZE
+        point.octave = max(0, round(float(np.log2(max(point.size, 1e-3) / 2 / _SIFT_SIGMA))))
+    return points
+
+
+def _shares(histograms: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Scale every histogram to the sum 1; empty ones stay."""
+    return np.asarray(histograms / np.maximum(histograms.sum(axis=-1, keepdims=True), 1e-9))
+
+
+def _binary(grey: Image, keypoints: Keypoints) -> tuple[NDArray[np.intp], NDArray[np.uint8]]:
+    """TEBLID of 256 bits.
+
+    Source: I. Suarez, J. M. Buenaposada, L. Baumela, "Revisiting binary local image description for resource
+    limited devices", 2021, https://arxiv.org/abs/2108.08380.
+    """
+    points = keypoints.to_cv2()
+    for index, point in enumerate(points):
+        point.class_id = index
+    kept, descriptors = cv2.xfeatures2d.TEBLID.create(_BINARY_WIDTH).compute(grey, points)
+    if descriptors is None:
+        return np.empty(0, np.intp), np.empty((0, DESCRIPTOR_BYTES), np.uint8)
+    return np.array([point.class_id for point in kept], np.intp), descriptors
+
+
+_KINDS = {
+    "gradients": Description(_GRADIENT_WORDS, cv2.CV_32F, cv2.NORM_L2, _gradients),
+    "binary": Description(DESCRIPTOR_BYTES, cv2.CV_8U, cv2.NORM_HAMMING, _binary),
+}
 
 
 def _mirrored(keypoints: Keypoints, width: int) -> Keypoints:

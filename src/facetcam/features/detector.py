@@ -6,17 +6,13 @@ import dataclasses
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, Self
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from facetcam.config import nearest
 from facetcam.errors import ConfigError
-from facetcam.features.descriptors import DESCRIPTOR_BYTES, describe
+from facetcam.features.descriptors import Described, describe, description
 from facetcam.features.images import Image, Mask, as_grey, as_mask
 from facetcam.features.keypoints import Keypoints
-
-Descriptors = NDArray[np.uint8]
 
 
 class Detector(ABC):
@@ -66,25 +62,30 @@ class Detector(ABC):
         grey = as_grey(image)
         return self._detect(grey, as_mask(mask, grey.shape))
 
-    def compute(self, image: Image, keypoints: Keypoints) -> tuple[Keypoints, Descriptors]:
-        """Describe keypoints; those too near to the border are dropped. See `describe`."""
-        return describe(image, keypoints)
+    @property
+    def descriptor(self) -> str:
+        """Kind of the descriptors, see `describe`."""
+        return str(getattr(self.options, "descriptor", "gradients"))
 
-    def detectAndCompute(self, image: Image, mask: Image | None = None) -> tuple[Keypoints, Descriptors]:
+    def compute(self, image: Image, keypoints: Keypoints) -> Described:
+        """Describe keypoints; see `describe`."""
+        return describe(image, keypoints, descriptor=self.descriptor)
+
+    def detectAndCompute(self, image: Image, mask: Image | None = None) -> Described:
         """Find and describe keypoints."""
         return self.compute(image, self.detect(image, mask))
 
     def descriptorSize(self) -> int:
-        """Bytes of one descriptor."""
-        return DESCRIPTOR_BYTES
+        """Numbers of one descriptor: its columns."""
+        return description(self.descriptor).size
 
     def descriptorType(self) -> int:
         """OpenCV's type of the descriptors."""
-        return int(cv2.CV_8U)
+        return description(self.descriptor).dtype
 
     def defaultNorm(self) -> int:
         """OpenCV's norm to compare descriptors by."""
-        return int(cv2.NORM_HAMMING)
+        return description(self.descriptor).norm
 
     @abstractmethod
     def _detect(self, grey: Image, mask: Mask | None) -> Keypoints:

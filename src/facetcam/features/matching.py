@@ -1,7 +1,10 @@
-"""Matching of binary descriptors by Hamming distance."""
+"""Matching of descriptors: bytes by Hamming distance, floats by Euclidean distance."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -9,24 +12,28 @@ from facetcam import _core
 from facetcam.errors import FacetcamError
 
 Descriptors = NDArray[np.uint8]
+Floats = NDArray[np.float32]
 Indices = NDArray[np.int32]
 
 _FARTHEST = 1e9
 
 
 def match_mutual(
-    query: Descriptors, train: Descriptors, ratio: float = 1.0, max_distance: int | None = None
+    query: Descriptors | Floats,
+    train: Descriptors | Floats,
+    ratio: float = 1.0,
+    max_distance: float | None = None,
 ) -> Indices:
     """Match descriptors that are each other's nearest.
 
     Parameters
     ----------
-    query, train : (N, B), (M, B) uint8
-        Binary descriptors of B bytes.
+    query, train : (N, D), (M, D) uint8 or float32
+        Descriptors, both of one type.
     ratio : float
         The best distance must be at most this share of the second best; 1 switches the test off.
-    max_distance : int, optional
-        Greatest distance in bits.
+    max_distance : float, optional
+        Greatest distance, in bits or as a length.
 
     Returns
     -------
@@ -38,8 +45,13 @@ def match_mutual(
     FacetcamError
         Arrays of wrong type or shape.
     """
-    query, train = _descriptors(query, "query"), _descriptors(train, "train", query.shape[-1])
-    nearest = _core.match_mutual(query, train, _limit(max_distance, query), float(ratio))
+    if np.asarray(query).dtype.kind == "f":
+        floats = _floats(query, "query")
+        nearest = _mutual_of_floats(floats, _floats(train, "train", floats.shape[1]), ratio, max_distance)
+    else:
+        bits = _descriptors(query, "query")
+        others = _descriptors(train, "train", bits.shape[1])
+        nearest = _core.match_mutual(bits, others, _limit(max_distance, bits), float(ratio))
     matched = np.flatnonzero(nearest >= 0)
     return np.column_stack([matched, nearest[matched]]).astype(np.int32)
 
@@ -82,7 +94,7 @@ def match_windowed(
     FacetcamError
         Arrays of wrong type or shape, places that are not finite, or a negative radius.
     """
-    query, train = _descriptors(query, "query"), _descriptors(train, "train", query.shape[-1])
+    query, train = _descriptors(query, "query"), _descriptors(train, "train", np.shape(query)[-1])
     if not (np.isfinite(radius) and radius >= 0):
         raise FacetcamError(f"match_windowed: radius must be a number of pixels >= 0, got {radius}")
     query_places = _places(query_xy, query_view, len(query), "query")
@@ -92,12 +104,40 @@ def match_windowed(
     )
 
 
-def _limit(max_distance: int | None, descriptors: Descriptors) -> int:
+def _mutual_of_floats(query: Floats, train: Floats, ratio: float, max_distance: float | None) -> Indices:
+    """For every query its mutually nearest train index, or -1."""
+    if min(len(query), len(train)) == 0:
+        return np.full(len(query), -1, np.int32)
+    distances, nearest = cv2.batchDistance(
+        query, train, cv2.CV_32F, normType=cv2.NORM_L2, K=min(2, len(train))
+    )
+    _, back = cv2.batchDistance(train, query, cv2.CV_32F, normType=cv2.NORM_L2, K=1)
+    good = back[nearest[:, 0], 0] == np.arange(len(query))
+    if ratio < 1.0 and len(train) > 1:
+        good &= distances[:, 0] <= ratio * distances[:, 1]
+    if max_distance is not None:
+        good &= distances[:, 0] <= max_distance
+    return np.where(good, nearest[:, 0], -1).astype(np.int32)
+
+
+def _floats(given: NDArray[Any], what: str, width: int | None = None) -> Floats:
+    array = np.asarray(given)
+    if array.dtype.kind != "f" or array.ndim != 2 or (width is not None and array.shape[1] != width):
+        raise FacetcamError(
+            f"{what} descriptors: expected floats of shape (N, {'D' if width is None else width}), "
+            f"got {array.dtype} of shape {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise FacetcamError(f"{what} descriptors: expected finite numbers, got NaN or infinity")
+    return np.ascontiguousarray(array, np.float32)
+
+
+def _limit(max_distance: float | None, descriptors: Descriptors) -> int:
     return 8 * descriptors.shape[1] if max_distance is None else int(max_distance)
 
 
-def _descriptors(array: Descriptors, what: str, width: int | None = None) -> Descriptors:
-    array = np.asarray(array)
+def _descriptors(given: NDArray[Any], what: str, width: int | None = None) -> Descriptors:
+    array = np.asarray(given)
     if array.dtype != np.uint8 or array.ndim != 2 or (width is not None and array.shape[1] != width):
         wanted = f"(N, {'bytes' if width is None else width})"
         raise FacetcamError(

@@ -14,6 +14,7 @@ import numpy as np
 
 from facetcam import _core
 from facetcam.errors import ConfigError
+from facetcam.features.descriptors import description
 from facetcam.features.detector import Detector, require
 from facetcam.features.images import Image, Mask
 from facetcam.features.keypoints import Keypoints
@@ -79,7 +80,9 @@ class SIICFOptions:
     border : int
         Robust: no corner nearer than this to the edge of the image, pixels.
     oriented : bool
-        Robust: give corners the direction to the centroid of their neighbourhood; otherwise 0 (upright).
+        Robust: give corners the direction of the gradient round them; otherwise 0 (upright).
+    descriptor : str
+        What `compute` gives: "gradients" match best, "binary" are small and quick; see `describe`.
     threads : int
         Robust: 0 takes as many as OpenCV, `cv2.getNumThreads()`. The result does not depend on it.
     levels, k : int, float
@@ -102,6 +105,7 @@ class SIICFOptions:
     suppression: int = 2
     border: int = 4
     oriented: bool = True
+    descriptor: str = "gradients"
     threads: int = 0
     levels: int = 3
     k: float = 1.4
@@ -110,6 +114,7 @@ class SIICFOptions:
     def __post_init__(self) -> None:
         if self.mode not in MODES:
             raise ConfigError(f"SIICF: mode must be one of {', '.join(MODES)}, got {self.mode!r}")
+        description(self.descriptor)
         if self.max_features is not None:
             require("SIICF", "max_features", self.max_features, 1)
         for name, (low, high) in _LIMITS.items():

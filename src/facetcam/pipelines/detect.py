@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -34,11 +35,12 @@ def run_detect(
     *,
     max_features: int = 1000,
     mode: str = "robust",
+    descriptor: str = "gradients",
     progress: Progress = silent,
 ) -> Detections:
     """Find corners in every image; write `000000.npz` (arrays) and `000000.jpg` (picture) for each.
 
-    The arrays are those of `Keypoints`, besides `descriptors` (N, D) uint8 and the `image`'s name.
+    The arrays are those of `Keypoints`, besides `descriptors` (N, D) and the `image`'s name.
 
     Raises
     ------
@@ -46,7 +48,7 @@ def run_detect(
         If the source cannot be read, a parameter is wrong, or a result cannot be written.
     """
     require_absent(out)
-    detector = SIICF.create(max_features=max_features, mode=mode)
+    detector = SIICF.create(max_features=max_features, mode=mode, descriptor=descriptor)
     corners: list[int] = []
     with open_source(source, timed=False) as images:
         folder = fresh_folder(out)
@@ -59,7 +61,7 @@ def run_detect(
         return Detections(tuple(corners), images.warnings)
 
 
-def write_corners(folder: Path, frame: Frame, keypoints: Keypoints, descriptors: NDArray[np.uint8]) -> None:
+def write_corners(folder: Path, frame: Frame, keypoints: Keypoints, descriptors: NDArray[Any]) -> None:
     """Write the arrays and the picture of one image."""
     arrays = io.BytesIO()
     np.savez_compressed(

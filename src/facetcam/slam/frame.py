@@ -124,7 +124,7 @@ class SiicfFeatures:
         self, image: Image, keypoints: Keypoints, flipped: bool
     ) -> tuple[Keypoints, NDArray[np.uint8]]:
         """Those keypoints that could be described, and their descriptors."""
-        return describe(image, keypoints, flipped)
+        return describe(image, keypoints, flipped, "binary")
 
 
 class CornerFinder:
