@@ -19,6 +19,7 @@ Index = NDArray[np.int64]
 
 _CANDIDATES = 4  # places tried in a frame
 _PLACE = 12  # keyframes that make up a place, at most
+AGREEING = 7  # corners that agree on a pose worth a look: the patches will tell
 _REACH = 0.3  # of the best score, which a keyframe of the same place has
 
 
@@ -50,7 +51,7 @@ class Relocaliser:
             return
         for sightings in self._likely(corners):
             pose, matched = self.solve(corners, sightings)
-            if pose is not None and matched >= self._config.min_inliers:
+            if pose is not None and matched >= AGREEING:
                 yield pose
 
     def _likely(self, corners: Corners) -> Iterator[Sightings]:

@@ -15,12 +15,13 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, Predictions, measure, predict, thin
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
-from facetcam.slam.relocalisation import Relocaliser
+from facetcam.slam.relocalisation import AGREEING, Relocaliser
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _NEAR_KEYFRAMES = 10
+_WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
@@ -81,14 +82,17 @@ class Tracker:
     def find(self, frame: Frame, *predicted: Array) -> Fix | None:
         """Pose of a frame near one of its predictions, the likeliest first; there may be none.
 
-        Where patches agree poorly the descriptors are asked too, first near the prediction, then at the
-        places of the map that look like the frame.
+        Where patches agree poorly more of the map is tried, and the descriptors are asked too, first near the
+        prediction, then at the places of the map that look like the frame.
         """
         best = None
         for T_world_rig in predicted:
             best = _better(best, self.locate(frame, T_world_rig))
             if best is not None and best.clear:
                 return best
+        if best is None:
+            for T_world_rig in predicted:
+                best = _better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig)))
         return _better(best, self._relocate(frame, *predicted[:1]))
 
     def record(self, fix: Fix) -> None:
@@ -102,13 +106,14 @@ class Tracker:
         near |= {k.index: k for k in self._map.keyframes[-self._config.window :]}
         return self._map.observed_points(list(near.values()))
 
-    def _expect(self, T_world_rig: Array) -> Predictions:
-        return predict(self._map.points, self._local_points(T_world_rig), T_world_rig, self._optics)
+    def _wide_points(self, T_world_rig: Array) -> Index:
+        return self._map.observed_points(self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES))
 
     def locate(self, frame: Frame, predicted: Array, ids: Index | None = None) -> Fix | None:
         """Pose from map points, or some of them, whose patches are aligned near their predictions."""
         points, config = self._map.points, self._config
-        expected = self._expect(predicted) if ids is None else predict(points, ids, predicted, self._optics)
+        ids = self._local_points(predicted) if ids is None else ids
+        expected = predict(points, ids, predicted, self._optics)
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, _ = measure(frame, expected, points, self._optics, config)
         if len(seen) < config.min_inliers:
@@ -144,7 +149,7 @@ class Tracker:
     def _from_windows(self, frame: Frame, predicted: Array) -> Array | None:
         """Pose from corners that look like map points expected near them."""
         points, config, corners = self._map.points, self._config, self._corners(frame)
-        expected = self._expect(predicted)
+        expected = predict(points, self._wide_points(predicted), predicted, self._optics)
         hits = match_windowed(
             points.descriptor[expected.point],
             expected.pixels,
@@ -165,7 +170,7 @@ class Tracker:
             self._optics,
             2.0 * config.gate,
         )
-        return T if inliers.sum() >= config.min_inliers else None
+        return T if inliers.sum() >= AGREEING else None
 
 
 def _better(a: Fix | None, b: Fix | None) -> Fix | None:

@@ -14,7 +14,9 @@ Array = NDArray[np.float64]
 
 _PROBATION = 5  # frames after a loss
 _AGAIN = 3  # frames that must find the same pose where none of them is sure
-_LEAST_IN_VIEW = 5  # measurements by which a view confirms a pose
+_WITNESSES = 2  # views
+_LEAST_IN_VIEW = 5  # measurements without which a view is no witness
+_SHARE_IN_VIEW = 0.4  # of what was expected in it, by which a view is a witness by itself
 _SAME_METRES = 0.3
 _SAME_RADIANS = 0.3
 
@@ -23,7 +25,8 @@ _SAME_RADIANS = 0.3
 class Trust:
     """Guards against look-alikes: repeated patterns may agree with a wrong pose for a frame or two.
 
-    A pattern that repeats on one wall fools one view, hardly two at once.
+    A pattern that repeats on one wall fools one view, hardly two at once. Each view counts by itself, since a
+    wall that hides what the map expects in one says nothing of the others.
     """
 
     n_views: int
@@ -39,13 +42,22 @@ class Trust:
         """Tell whether a pose is good enough now."""
         if not self._left:
             return True
-        if not fix.sharp:
+        sure = self._witnesses(fix) >= _WITNESSES
+        if not (sure or fix.sharp):
             return False
         self._times = self._times + 1 if self._repeated(fix.T_world_rig) else 1
         self._hope = fix.T_world_rig
-        views = np.bincount(fix.seen.view, minlength=self.n_views)
-        several = np.count_nonzero(views >= _LEAST_IN_VIEW) >= min(self.n_views, 2)
-        return bool((fix.likely and several) or self._times >= _AGAIN)
+        return sure or self._times >= _AGAIN
+
+    def _witnesses(self, fix: Fix) -> int:
+        """Count the views that confirm a pose; the one of a rig with one view does for two."""
+        seen, expected = (
+            np.bincount(rows.view, minlength=self.n_views) for rows in (fix.seen, fix.predictions)
+        )
+        confirms = seen >= _LEAST_IN_VIEW
+        if not (fix.sharp and fix.likely):
+            confirms &= (seen >= _SHARE_IN_VIEW * expected) & (self.n_views > 1)
+        return int(confirms.sum()) + int(self.n_views == 1 and confirms[0])
 
     def accept(self) -> None:
         """A pose was believed."""

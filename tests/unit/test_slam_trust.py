@@ -1,0 +1,83 @@
+"""Which poses are believed after a loss."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facetcam.slam.measure import Measurements, Predictions
+from facetcam.slam.pose import Pose
+from facetcam.slam.tracking import Fix
+from facetcam.slam.trust import Trust
+
+SHARP, BLUNT = 0.3, 2.0  # pixels
+
+
+def fix(seen: list[int], expected: list[int], residual: float, position: float = 0.0) -> Fix:
+    """A pose with so many measurements and predictions in each view."""
+    T = np.eye(4)
+    T[0, 3] = position
+    rows = [np.repeat(np.arange(len(n), dtype=np.int8), n) for n in (seen, expected)]
+    n_seen, n_expected = (len(r) for r in rows)
+    nothing = np.zeros((n_expected, 2, 2))
+    return Fix(
+        Pose(T, np.eye(6), np.full(n_seen, residual)),
+        Predictions(np.arange(n_expected), rows[1], nothing[:, 0], nothing),
+        Measurements(np.arange(n_seen), rows[0], np.zeros((n_seen, 2)), np.zeros((n_seen, 2))),
+    )
+
+
+def doubting(n_views: int = 4) -> Trust:
+    trust = Trust(n_views)
+    trust.lose()
+    return trust
+
+
+def test_every_pose_is_believed_while_tracking() -> None:
+    assert Trust(4).believes(fix([15, 0, 0, 0], [200, 200, 200, 200], BLUNT))
+
+
+@pytest.mark.parametrize("residual", [SHARP, BLUNT])
+def test_two_views_confirm_though_a_wall_hides_what_others_expect(residual: float) -> None:
+    assert doubting().believes(fix([10, 16, 0, 18], [14, 21, 0, 160], residual))
+
+
+@pytest.mark.parametrize("seen", [[0, 90, 0, 0], [3, 90, 4, 2]])
+def test_one_view_alone_may_be_fooled(seen: list[int]) -> None:
+    assert not doubting().believes(fix(seen, [60, 100, 60, 60], SHARP))
+
+
+def test_a_few_measurements_here_and_there_are_chance() -> None:
+    assert not doubting().believes(fix([12, 15, 6, 9], [200, 200, 200, 200], BLUNT))
+
+
+def test_a_sharp_pose_found_three_times_is_believed() -> None:
+    trust, one_view = doubting(), [0, 40, 0, 0]
+    assert [trust.believes(fix(one_view, [60, 60, 60, 60], SHARP, 0.05 * k)) for k in range(3)] == [
+        False,
+        False,
+        True,
+    ]
+
+
+def test_poses_that_jump_are_not_believed() -> None:
+    trust = doubting()
+    assert not any(trust.believes(fix([0, 40, 0, 0], [60] * 4, SHARP, 1.0 * k)) for k in range(6))
+
+
+def test_a_blunt_pose_in_one_view_is_never_believed() -> None:
+    trust = doubting()
+    assert not any(trust.believes(fix([0, 40, 0, 0], [60] * 4, BLUNT)) for _ in range(6))
+
+
+@pytest.mark.parametrize(("residual", "believed"), [(SHARP, True), (BLUNT, False)])
+def test_a_rig_of_one_view_must_be_sharp(residual: float, believed: bool) -> None:
+    assert doubting(1).believes(fix([60], [100], residual)) is believed
+
+
+def test_doubt_ends_after_five_good_frames() -> None:
+    trust, poor = doubting(), fix([0, 20, 0, 0], [200] * 4, BLUNT)
+    for _ in range(5):
+        assert not trust.believes(poor)
+        trust.accept()
+    assert trust.believes(poor)
