@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from command import Facetcam, only_line
+
+from facetcam.errors import SourceError
+from facetcam.pipelines.detectors import run_detectors
 
 
 @pytest.fixture
@@ -37,7 +41,8 @@ def test_tables_and_pictures(facetcam: Facetcam, wall: Path, tmp_path: Path) -> 
     assert of_wall["scores"]["B px"] < 0.2
     assert {"wall", "noise", "scale 0.5"} <= {record["sequence"] for record in records}
     assert {p.name for p in out.iterdir()} == {f"scores.{e}" for e in ("txt", "csv", "json", "svg")} | {
-        "corners.png"
+        "corners.png",
+        "report.html",
     }
     lines = list(csv.reader((out / "scores.csv").read_text().splitlines()))
     assert lines[0] == ["sequence", "detector", "score", "value"]
@@ -45,11 +50,58 @@ def test_tables_and_pictures(facetcam: Facetcam, wall: Path, tmp_path: Path) -> 
     assert cv2.imread(str(out / "corners.png")).shape == (480, 640, 3)
 
 
+def test_image_files_are_changed(facetcam: Facetcam, wall: Path) -> None:
+    result = facetcam("evaluate", "detectors", str(wall / "img1.png"), "-d", "ORB", "--protocols", "B")
+    assert result.exit_code == 0, result.output
+    assert "rotation 30" in result.stdout
+    assert "wall" not in result.stdout
+
+
+def test_images_without_a_corner_score_nothing(facetcam: Facetcam, tmp_path: Path) -> None:
+    folder = tmp_path / "flat"
+    folder.mkdir()
+    for index in (1, 2):
+        cv2.imwrite(str(folder / f"{index}.png"), np.full((240, 320), 90, np.uint8))
+    options = ("--protocols", "ABCD", "-d", "SIICF", "-d", "ORB", "-d", "SIFT", "-d", "GFTT")
+    out = tmp_path / "scores"
+    result = facetcam("evaluate", "detectors", str(folder), *options, "--format", "json", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    for record in json.loads(result.stdout):
+        assert record["scores"]["B"] == record["scores"]["D MMA@3"] == 0.0
+        assert record["scores"]["B px"] is None
+    assert (out / "report.html").exists()
+
+
+def test_a_run_cut_short_keeps_what_it_has(wall: Path, tmp_path: Path) -> None:
+    def stop(done: int, total: int | None) -> None:
+        assert total == 3
+        if done == 2:
+            raise KeyboardInterrupt
+
+    out = tmp_path / "scores"
+    with pytest.raises(KeyboardInterrupt):
+        run_detectors([wall], out, names=["ORB", "GFTT", "FAST"], protocols="B", progress=stop)
+    kept = {line["detector"] for line in csv.DictReader((out / "scores.csv").read_text().splitlines())}
+    assert kept == {"ORB", "GFTT"}
+    assert "Interrupted (stopped by the user)" in (out / "report.html").read_text()
+
+
+def test_sets_of_one_name_are_told_apart(wall: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other" / "wall"
+    shutil.copytree(wall, other)
+    tables = run_detectors([wall, other], names=["ORB"], protocols="B")
+    names = [record["sequence"] for record in json.loads(tables["json"])]
+    assert names == [str(wall), str(other)]
+    with pytest.raises(SourceError, match="given twice"):
+        run_detectors([wall, wall], names=["ORB"])
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("-d", "SIFFT"), "unknown detector 'SIFFT'"),
+        (("-d", "SIFFT"), "unknown detector 'SIFFT'; did you mean 'SIFT'"),
         (("--protocols", "BX"), "protocols: expected letters of ABCD"),
+        (("--protocols", "BB"), "protocols: expected letters of ABCD"),
         (("--out", "."), "exist"),
     ],
 )
@@ -60,7 +112,7 @@ def test_wrong_options(facetcam: Facetcam, wall: Path, options: tuple[str, ...],
 
 
 def test_wrong_folders(facetcam: Facetcam, wall: Path, tmp_path: Path) -> None:
-    for path, message in ((tmp_path / "absent", "not a folder"), (tmp_path, "")):
+    for path, message in ((tmp_path / "absent", "does not exist"), (tmp_path, "")):
         result = facetcam("evaluate", "detectors", str(path), "-d", "ORB")
         assert (result.exit_code == 1) == bool(message)
         if message:

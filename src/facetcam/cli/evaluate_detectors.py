@@ -12,7 +12,12 @@ from facetcam.cli.progress import progress_bar
 
 
 def detectors(
-    datasets: Annotated[list[Path], typer.Argument(help="Folders of images, Oxford or HPatches layout.")],
+    datasets: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders: Oxford, HPatches, or one view under changing light. Files: images to change."
+        ),
+    ],
     detector: Annotated[
         list[str] | None, typer.Option("--detector", "-d", help="Compare only this one (may be repeated).")
     ] = None,
@@ -22,7 +27,7 @@ def detectors(
         bool, typer.Option("--synthetic", help="Change the first images in known ways too.")
     ] = False,
     form: Annotated[Format, typer.Option("--format", help="How the tables are printed.")] = Format.text,
-    out: Annotated[Path | None, typer.Option(help="Folder to make: tables, a plot, a picture.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to make: tables, plots, pictures, a page.")] = None,
 ) -> None:
     """Repeatability and matching of corner detectors on images with known homographies."""
     from facetcam.pipelines.detectors import run_detectors

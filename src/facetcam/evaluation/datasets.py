@@ -18,15 +18,26 @@ _IMAGES = {".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff", ".bmp"}
 
 @dataclass(frozen=True, slots=True)
 class Sequence:
-    """Images of one plane; `homographies[i]` maps the first image to image i + 1."""
+    """Images of one plane; `homographies[i]` maps the first image to image i + 1.
+
+    Images of a `still` view have no homographies: they must be of one size.
+    """
 
     name: str
     paths: tuple[Path, ...]
     homographies: tuple[Points, ...]
+    still: bool = False
 
     def images(self) -> list[Image]:
-        """Read all images as grey uint8."""
-        return [read_grey(path) for path in self.paths]
+        """Read all images as grey uint8; SourceError where one cannot be read or is of another size."""
+        images = [read_grey(path) for path in self.paths]
+        for path, image in zip(self.paths, images, strict=True):
+            if self.still and image.shape != images[0].shape:
+                raise SourceError(
+                    f"{path}: of another size than {self.paths[0].name}; without homographies "
+                    f"({self.paths[0].parent}/H1to2p or H_1_2) the images must show one view"
+                )
+        return images
 
 
 def find_sequences(folder: Path) -> Iterator[Sequence]:
@@ -41,7 +52,8 @@ def find_sequences(folder: Path) -> Iterator[Sequence]:
         No folder, fewer than two images, or a homography that is missing or not 3x3.
     """
     if not folder.is_dir():
-        raise SourceError(f"{folder}: not a folder; give a folder of images with homographies")
+        reason = "not a folder" if folder.exists() else "does not exist"
+        raise SourceError(f"{folder}: {reason}; give a folder of images with homographies")
     own = _image_paths(folder)
     if own:
         yield _sequence(folder, own)
@@ -69,20 +81,27 @@ def _image_paths(folder: Path) -> list[Path]:
 
 def _sequence(folder: Path, paths: list[Path]) -> Sequence:
     if len(paths) < 2:
-        raise SourceError(f"{folder}: a sequence needs two images or more, found {len(paths)}")
+        raise SourceError(
+            f"{folder}: a sequence needs two images or more, found {len(paths)}; "
+            "give the file itself to see it under known changes"
+        )
     later = range(2, len(paths) + 1)
     for pattern in ("H1to{}p", "H_1_{}"):
         files = [folder / pattern.format(index) for index in later]
         if any(file.exists() for file in files):
             return Sequence(folder.name, tuple(paths), tuple(_read_homography(file) for file in files))
-    return Sequence(folder.name, tuple(paths), tuple(np.eye(3) for _ in later))
+    return Sequence(folder.name, tuple(paths), tuple(np.eye(3) for _ in later), still=True)
 
 
 def _read_homography(path: Path) -> Points:
+    if not path.exists():
+        raise SourceError(f"{path}: missing; every image but the first needs its homography, or none has one")
     try:
         H = np.loadtxt(path)
     except (OSError, ValueError) as error:
         raise SourceError(f"{path}: cannot be read as a homography of 3x3 numbers") from error
-    if H.shape != (3, 3) or not np.isfinite(H).all() or abs(np.linalg.det(H)) < 1e-12:
-        raise SourceError(f"{path}: expected an invertible homography of 3x3 numbers, got shape {H.shape}")
+    if H.shape != (3, 3) or not np.isfinite(H).all():
+        raise SourceError(f"{path}: expected a homography of 3x3 finite numbers, got shape {H.shape}")
+    if abs(np.linalg.det(H / np.abs(H).max(initial=1e-300))) < 1e-12:
+        raise SourceError(f"{path}: the homography is singular; it must map the first image one to one")
     return H

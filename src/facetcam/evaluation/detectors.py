@@ -64,16 +64,8 @@ def evaluate_change(
 
 
 def score_pairs(pairs: list[Pair], peer: Peer, protocols: str, top: int) -> Scores:
-    """Mean scores over pairs of images.
-
-    Raises
-    ------
-    ConfigError
-        A letter that is no protocol.
-    """
-    unknown = set(protocols) - set(_PROTOCOLS)
-    if unknown or not protocols:
-        raise ConfigError(f"protocols: expected letters of {''.join(_PROTOCOLS)}, got {protocols!r}")
+    """Mean scores over pairs of images; ConfigError for a letter that is no protocol."""
+    check_protocols(protocols)
     remembering = Peer(_remembered(peer.detect), _remembered(peer.described), peer.norm)
     scores: Scores = {}
     for letter in protocols:
@@ -83,6 +75,12 @@ def score_pairs(pairs: list[Pair], peer: Peer, protocols: str, top: int) -> Scor
             values = np.array([found[key] for found in of_pairs])
             scores[key] = float(np.nanmean(values)) if not np.isnan(values).all() else float("nan")
     return scores
+
+
+def check_protocols(protocols: str) -> None:
+    """Raise ConfigError unless all letters are protocols, and none stands twice."""
+    if not protocols or set(protocols) - set(_PROTOCOLS) or len(set(protocols)) < len(protocols):
+        raise ConfigError(f"protocols: expected letters of {''.join(_PROTOCOLS)}, got {protocols!r}")
 
 
 def _remembered(function: Callable[..., T]) -> Callable[..., T]:

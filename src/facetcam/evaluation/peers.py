@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from facetcam.config import nearest
 from facetcam.errors import ConfigError
 from facetcam.features import SIICF, DoG, HarrisLaplace, Keypoints, LoG, describe
 from facetcam.features.descriptors import Described, description
@@ -28,14 +29,32 @@ class Peer:
     norm: int = cv2.NORM_HAMMING
 
 
-def peers(names: list[str] | None = None, most: int = 6000) -> dict[str, Peer]:
-    """Make detectors by name, all of them by default; each may give up to `most` points.
+def peers(names: list[str] | None = None, most: int = 6000, enough: int = 2000) -> dict[str, Peer]:
+    """Make detectors by name, all of them by default.
+
+    Parameters
+    ----------
+    names : list of str, optional
+        Which.
+    most : int
+        Points that detectors with a limit may give.
+    enough : int
+        OpenCV's detectors lower their threshold until they give so many points, or as far as they can.
 
     Raises
     ------
     ConfigError
         An unknown name.
     """
+
+    def opencv(
+        make: Callable[[Any], Any], thresholds: tuple[float, ...], norm: int | None = None
+    ) -> Callable[[], Peer]:
+        return lambda: _opencv([make(threshold) for threshold in thresholds], enough, norm)
+
+    fast, agast, mser = cv2.FastFeatureDetector, _extra("AgastFeatureDetector"), cv2.MSER
+    akaze, kaze, brisk, contrib = _extra("AKAZE"), _extra("KAZE"), _extra("BRISK"), cv2.xfeatures2d
+    gftt, bits, floats = cv2.GFTTDetector, cv2.NORM_HAMMING, cv2.NORM_L2
     makers: dict[str, Callable[[], Peer]] = {
         "SIICF": lambda: _ours(SIICF.create(max_features=most)),
         "SIICF binary": lambda: _ours(SIICF.create(max_features=most, descriptor="binary")),
@@ -44,16 +63,22 @@ def peers(names: list[str] | None = None, most: int = 6000) -> dict[str, Peer]:
         "LoG": lambda: _ours(LoG.create(max_features=most, threshold=3.0)),
         "DoG": lambda: _ours(DoG.create(max_features=most, threshold=0.01)),
         "Harris-Laplace": lambda: _ours(HarrisLaplace.create(max_features=most, threshold=1e-4)),
-        "GFTT": lambda: _opencv(cv2.GFTTDetector.create(most, 1e-5, 3)),
-        "FAST": lambda: _opencv(cv2.FastFeatureDetector.create(5)),
-        "ORB": lambda: _opencv(cv2.ORB.create(most, fastThreshold=5), own_descriptor=True),
-        "SIFT": lambda: _opencv(cv2.SIFT.create(most, contrastThreshold=0.01), True, cv2.NORM_L2),
-        "AKAZE": lambda: _opencv(_extra("AKAZE").create(threshold=1e-5), own_descriptor=True),
-        "BRISK": lambda: _opencv(_extra("BRISK").create(10), own_descriptor=True),
+        "GFTT": opencv(lambda t: gftt.create(most, t, 3), (1e-5, 1e-8)),
+        "Harris": opencv(lambda t: gftt.create(most, t, 3, 3, True, 0.04), (1e-6, 1e-12)),
+        "FAST": opencv(fast.create, (5, 1)),
+        "AGAST": opencv(agast.create, (5, 1)),
+        "MSER": opencv(lambda t: mser.create(1, 20, 14400, t, 0.02), (0.25, 0.5, 1.0)),
+        "Star": opencv(lambda t: contrib.StarDetector.create(responseThreshold=t), (10, 2, 0)),
+        "MSD": opencv(lambda t: contrib.MSDDetector.create(m_th_saliency=t), (250, 25, 0)),
+        "ORB": opencv(lambda t: cv2.ORB.create(most, fastThreshold=t), (5, 1), bits),
+        "SIFT": opencv(lambda t: cv2.SIFT.create(most, contrastThreshold=t), (0.01, 0.001), floats),
+        "KAZE": opencv(lambda t: kaze.create(threshold=t), (1e-5, 1e-7), floats),
+        "AKAZE": opencv(lambda t: akaze.create(threshold=t), (1e-5, 1e-7), bits),
+        "BRISK": opencv(brisk.create, (10, 3, 1), bits),
     }
-    unknown = [name for name in names or [] if name not in makers]
-    if unknown:
-        raise ConfigError(f"unknown detector {unknown[0]!r}; known are {', '.join(makers)}")
+    for name in names or []:
+        if name not in makers:
+            raise ConfigError(f"unknown detector {name!r}; {nearest(name, makers)}")
     return {name: makers[name]() for name in names or makers}
 
 
@@ -70,23 +95,27 @@ def _ours(detector: Detector) -> Peer:
     )
 
 
-def _opencv(detector: Any, own_descriptor: bool = False, norm: int | None = None) -> Peer:
-    """Wrap a detector of OpenCV; without a descriptor of its own it gets ours."""
-    if norm is None:
-        norm = cv2.NORM_HAMMING if own_descriptor else description("gradients").norm
+def _opencv(detectors: list[Any], enough: int, norm: int | None) -> Peer:
+    """Wrap a detector of OpenCV at falling thresholds; without the norm of its descriptor it gets ours."""
 
     def points(image: Image) -> list[Any]:
-        return sorted(detector.detect(image, None), key=lambda point: -point.response)
+        found: list[Any] = []
+        for detector in detectors:
+            found = list(detector.detect(image, None))
+            if len(found) >= enough:
+                break
+        return sorted(found, key=lambda point: (-point.response, -point.size, point.pt))
 
     def described(image: Image, top: int) -> Described:
-        if not own_descriptor:
+        if norm is None:
             return describe(image, _with_angles(image, Keypoints.from_cv2(points(image)[:top])))
-        kept, descriptors = detector.compute(image, points(image)[:top])
+        kept, descriptors = detectors[-1].compute(image, points(image)[:top])
         if descriptors is None:
-            descriptors = np.empty((0, detector.descriptorSize()), np.uint8)
+            descriptors = np.empty((0, detectors[-1].descriptorSize()), np.uint8)
         return Keypoints.from_cv2(kept), descriptors
 
-    return Peer(lambda image: Keypoints.from_cv2(points(image)), described, norm)
+    own = description("gradients").norm if norm is None else norm
+    return Peer(lambda image: Keypoints.from_cv2(points(image)), described, own)
 
 
 def _with_angles(image: Image, keypoints: Keypoints) -> Keypoints:

@@ -1,28 +1,33 @@
-"""From folders of images to tables, plots and pictures that compare detectors."""
+"""From images to tables, plots and a page that compare detectors."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
-import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from facetcam.evaluation.datasets import find_sequences
-from facetcam.evaluation.detectors import Row, evaluate_change, evaluate_sequence
+from facetcam.errors import ConfigError, SourceError
+from facetcam.evaluation import datasets as data
+from facetcam.evaluation.detectors import Row, check_protocols, evaluate_change, evaluate_sequence
 from facetcam.evaluation.peers import Peer, peers
 from facetcam.evaluation.synthetic import changes
+from facetcam.evaluation.tables import as_csv, as_json, as_text, grid, means
 from facetcam.features.images import Image
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
-from facetcam.pipelines.progress import Progress, silent
+from facetcam.pipelines.progress import Progress, keeping, silent
 from facetcam.viz import figures
+from facetcam.viz.detectors_page import DetectorsReport, write_detectors_report
+from facetcam.viz.pictures import draw_points
+from facetcam.viz.report import Picture
 
 _SHEET = ("scale 0.7", "rotation 30", "affine")  # beside the original, as in Fig. 12 of the paper
-_SHEET_POINTS = 300
+_SHEET_POINTS = 200
+_PICTURE_WIDTH = 760
 
 
 def run_detectors(
@@ -35,15 +40,16 @@ def run_detectors(
     synthetic: bool = False,
     progress: Progress = silent,
 ) -> dict[str, str]:
-    """Compare detectors on image sequences.
+    """Compare detectors on image sequences and on changed images.
 
     Parameters
     ----------
     datasets : paths
         Folders of images in the Oxford or HPatches layout, or of one view under changing light; or folders of
-        such folders.
+        such folders. Image files are changed in known ways.
     out : path, optional
-        Folder to make for `scores.txt`, `scores.csv`, `scores.json`, `scores.svg` and `corners.png`.
+        Folder to make for `scores.txt`, `scores.csv`, `scores.json`, `scores.svg`, `corners.png` and
+        `report.html`. The scores are written as they come.
     names : sequence of str, optional
         Detectors, all by default.
     protocols : str
@@ -60,87 +66,97 @@ def run_detectors(
     Raises
     ------
     FacetcamError
-        An unreadable folder, an unknown detector or protocol, or an output folder that exists.
+        An unreadable folder or image, an unknown detector or protocol, or an output folder that exists.
     """
     if out is not None:
         require_absent(out)
-    compared = peers(list(names) if names else None)
-    sequences = [sequence for folder in datasets for sequence in find_sequences(Path(folder))]
-    firsts = [sequence.images()[0] for sequence in sequences]
-    applied = changes() if synthetic else {}
-    total = len(compared) * (len(sequences) + len(applied))
+    check_protocols(protocols)
+    compared = peers(list(names) if names else None, enough=2 * top)
+    sequences, photographs = _read(datasets)
+    changed = [*photographs, *(data.read_grey(s.paths[0]) for s in sequences if synthetic)]
+    named = _distinct(sequences)
+    total = len(compared) * (len(sequences) + (len(changes()) if changed else 0))
+    folder = None if out is None else fresh_folder(out)
     rows: list[Row] = []
-    for detector, peer in compared.items():
+
+    def finish(reason: str = "") -> None:
+        if folder is not None and rows:
+            image = photographs[0] if photographs else data.read_grey(sequences[0].paths[0])
+            _write_pictures(folder, rows, image, compared, reason)
+
+    with nullcontext() if folder is None else keeping(folder, finish):
+        for row in _evaluated(compared, named, changed, protocols, top):
+            rows.append(row)
+            if folder is not None:
+                _write_tables(folder, rows)
+            progress(len(rows), total)
+    finish()
+    return {"text": as_text(rows), "csv": as_csv(rows), "json": as_json(rows)}
+
+
+def _read(datasets: Sequence[Path | str]) -> tuple[list[data.Sequence], list[Image]]:
+    """Sequences of the folders, every image of which can be read, and the images that are files."""
+    paths = [Path(path) for path in datasets]
+    if not paths:
+        raise ConfigError("datasets: expected folders of images or image files, got none")
+    if len(set(paths)) < len(paths):
+        raise SourceError(f"{max(paths, key=paths.count)}: given twice; name each data set once")
+    photographs = [data.read_grey(path) for path in paths if path.is_file()]
+    sequences = [s for path in paths if not path.is_file() for s in data.find_sequences(path)]
+    for sequence in sequences:
+        sequence.images()  # better now than after an hour
+    return sequences, photographs
+
+
+def _distinct(sequences: list[data.Sequence]) -> list[data.Sequence]:
+    """Sequences of one name, or of the name of a change, are called by their folder."""
+    count = Counter([*(sequence.name for sequence in sequences), *changes()])
+    return [s if count[s.name] == 1 else replace(s, name=str(s.paths[0].parent)) for s in sequences]
+
+
+def _evaluated(
+    compared: dict[str, Peer], sequences: list[data.Sequence], changed: list[Image], protocols: str, top: int
+) -> Iterator[Row]:
+    """One row of the tables after the other."""
+    for name, peer in compared.items():
         for sequence in sequences:
-            rows.append(evaluate_sequence(sequence, detector, peer, protocols, top))
-            progress(len(rows), total)
-        for name, change in applied.items():
-            rows.append(evaluate_change(firsts, name, change, detector, peer, protocols, top))
-            progress(len(rows), total)
-    tables = {"text": as_text(rows), "csv": as_csv(rows), "json": as_json(rows)}
-    if out is not None:
-        _write(fresh_folder(out), tables, rows, firsts[0], next(iter(compared.values())))
-    return tables
+            yield evaluate_sequence(sequence, name, peer, protocols, top)
+        for change, function in changes().items() if changed else ():
+            yield evaluate_change(changed, change, function, name, peer, protocols, top)
 
 
-def as_text(rows: Sequence[Row]) -> str:
-    """One aligned table a score: sequences down, detectors across, their mean last."""
-    detectors = list(dict.fromkeys(row.detector for row in rows))
-    sequences = list(dict.fromkeys(row.sequence for row in rows))
-    found = {(row.sequence, row.detector): row.scores for row in rows}
-    lines = []
-    for score in rows[0].scores:
-        values = np.array([[found[s, d][score] for d in detectors] for s in sequences])
-        lines.append(f"{score:16}" + "".join(f"{name:>16}" for name in detectors))
-        for name, line in zip([*sequences, "mean"], [*values, values.mean(axis=0)], strict=True):
-            lines.append(f"{name:16}" + "".join(f"{value:16.3f}" for value in line))
-        lines.append("")
-    return "\n".join(lines)
-
-
-def as_csv(rows: Sequence[Row]) -> str:
-    """Lines `sequence,detector,score,value`."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["sequence", "detector", "score", "value"])
-    for row in rows:
-        writer.writerows([row.sequence, row.detector, score, value] for score, value in row.scores.items())
-    return text.getvalue()
-
-
-def as_json(rows: Sequence[Row]) -> str:
-    """A list of records; a score that is not finite becomes null."""
-    records = [
-        {
-            "sequence": row.sequence,
-            "detector": row.detector,
-            "scores": {key: value if math.isfinite(value) else None for key, value in row.scores.items()},
-        }
-        for row in rows
-    ]
-    return json.dumps(records, indent=2, allow_nan=False) + "\n"
-
-
-def contact_sheet(image: Image, peer: Peer) -> Image:
-    """The image and three changed copies with the strongest corners drawn, in a 2x2 picture."""
+def contact_sheet(image: Image, peer: Peer) -> list[Picture]:
+    """The image and three changed copies with the strongest corners, as in Fig. 12 of the paper."""
     named = changes()
-    copies = [image, *(named[name](image)[0] for name in _SHEET)]
-    drawn, flags = [], cv2.DRAW_MATCHES_FLAGS_DRAW_RICH_KEYPOINTS
-    for copy in copies:
-        points = peer.detect(copy)[:_SHEET_POINTS].to_cv2()
-        drawn.append(cv2.drawKeypoints(copy, points, np.empty(0), (0, 200, 255), flags))
-    return np.vstack([np.hstack(drawn[:2]), np.hstack(drawn[2:])])
+    copies = {"original": image} | {name: named[name](image)[0] for name in _SHEET}
+    return [_with_corners(name, copy, peer) for name, copy in copies.items()]
 
 
-def _write(folder: Path, tables: dict[str, str], rows: Sequence[Row], image: Image, peer: Peer) -> None:
-    for form, name in {"text": "scores.txt", "csv": "scores.csv", "json": "scores.json"}.items():
-        atomic_write(folder / name, tables[form])
-    means: dict[str, list[float]] = {}
+def _with_corners(caption: str, image: Image, peer: Peer) -> Picture:
+    points = peer.detect(image)[:_SHEET_POINTS].xy
+    return Picture(caption, image, points, np.zeros(len(points), int))
+
+
+def _write_tables(folder: Path, rows: Sequence[Row]) -> None:
+    for form, table in {"txt": as_text, "csv": as_csv, "json": as_json}.items():
+        atomic_write(folder / f"scores.{form}", table(rows))
+
+
+def _write_pictures(
+    folder: Path, rows: Sequence[Row], image: Image, compared: dict[str, Peer], reason: str
+) -> None:
     score = next(iter(rows[0].scores))
-    for row in rows:
-        means.setdefault(row.detector, []).append(row.scores[score])
-    averages = {name: float(np.nanmean(values)) for name, values in means.items()}
+    _, detectors, values = grid(rows, score)
+    averages = dict(zip(detectors, np.nan_to_num(means(values)).tolist(), strict=True))
     drawing = figures.scores_figure(averages, f"mean {score}")
     atomic_write(folder / "scores.svg", figures.standalone(drawing))
-    _, data = cv2.imencode(".png", contact_sheet(image, peer))
-    atomic_write(folder / "corners.png", data.tobytes())
+    first = detectors[0]
+    sheet = contact_sheet(image, compared[first])
+    drawn = [draw_points(p.image, p.points, p.views, _PICTURE_WIDTH) for p in sheet]
+    tiled = np.vstack([np.hstack(drawn[:2]), np.hstack(drawn[2:])])
+    atomic_write(folder / "corners.png", cv2.imencode(".png", tiled)[1].tobytes())
+    captioned = [replace(picture, caption=f"{first}, {picture.caption}") for picture in sheet]
+    each = [_with_corners(name, image, compared[name]) for name in detectors]
+    title = f"{len(detectors)} detectors, {len({row.sequence for row in rows})} sets of images"
+    report = DetectorsReport(title, rows, captioned, each, reason)
+    write_detectors_report(report, folder / "report.html")
