@@ -15,6 +15,7 @@ from films import moving, write_film, write_folder
 import facetcam.pipelines.slam
 from facetcam.io.trajectories import read_tum, write_tum
 from facetcam.pipelines import run_slam
+from facetcam.rig import Rig
 
 FILES = ["colmap", "map.ply", "report.html", "states.csv", "summary.json", "trajectory.tum"]
 
@@ -64,7 +65,7 @@ def test_live_poses_stay_beside_the_final_ones(film: Path, rig: Path, tmp_path: 
 def test_odometry_is_interpolated_to_the_frames(
     film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    slam = FakeSlam(None, None)
+    slam = FakeSlam(Rig.load(rig), None)
     monkeypatch.setattr(facetcam.pipelines.slam, "Slam", lambda rig, config: slam)
     (tmp_path / "odometry.csv").write_text("timestamp,x,y,yaw\n0,0,0,0\n0.4,4,0,0\n0.8,8,0,1\n1.2,8,0,1\n")
     run_slam(film, rig, tmp_path / "out", odometry=tmp_path / "odometry.csv", max_frames=13)

@@ -47,12 +47,17 @@ def slam(
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Play the film at its own pace, drop frames when behind.")
     ] = False,
+    refine_rig: Annotated[
+        bool, typer.Option("--refine-rig", help="Refine the rig with the map: rig_refined.yaml.")
+    ] = False,
 ) -> None:
     """Track a film: trajectory, map and report."""
     from facetcam.pipelines import run_slam
 
     if localize and map_path is None:
         raise typer.BadParameter("--localize needs --map")
+    if localize and refine_rig:
+        raise typer.BadParameter("--refine-rig moves the map, which --localize keeps; leave one of them out")
     folder = output_folder(out, Path(source).stem)
     with progress_bar("tracking") as progress:
         summary = run_slam(
@@ -67,6 +72,7 @@ def slam(
             fps=fps,
             max_frames=max_frames,
             real_time=real_time,
+            refine_rig=refine_rig,
             progress=progress,
         )
     for warning in summary.warnings:
@@ -103,6 +109,9 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("map", str(summary.saved_map)))
     if summary.loops:
         rows.append(("loop closed", "once" if summary.loops == 1 else f"{summary.loops} times"))
+    if summary.rig_moved:
+        name, most = max(summary.rig_moved.items(), key=lambda item: abs(item[1]))
+        rows.append(("rig refined", f"{name} moved most, by {most:+.1f} of its sigmas"))
     if summary.errors is not None:
         rows += [
             ("ATE, rigid alignment", f"{summary.errors.ate.rmse:.4f} m"),

@@ -34,6 +34,7 @@ def run_slam(
     fps: float | None = None,
     max_frames: int | None = None,
     real_time: bool = False,
+    refine_rig: bool = False,
     progress: Progress = silent,
 ) -> Summary:
     """Track a film with a rig and write trajectory, states, map, summary and report into a fresh folder.
@@ -64,6 +65,8 @@ def run_slam(
         Stop after so many frames.
     real_time : bool
         Take the frames when they are due, as a robot does, and drop those that come too fast.
+    refine_rig : bool
+        Let the rig's own numbers move at the end, and write the refined rig as `rig_refined.yaml`.
     progress : callable
         See `facetcam.pipelines.Progress`.
 
@@ -76,8 +79,11 @@ def run_slam(
     require_absent(out)
     maps = MapChoice(None if map_path is None else Path(map_path), localize)
     inputs = read_slam_inputs(source, rig_path, odometry, truth, settings, fps, max_frames, maps)
-    if real_time:
-        inputs = replace(inputs, config=replace(inputs.config, real_time=True))
+    config = inputs.config
+    config = replace(
+        config, real_time=real_time or config.real_time, refine_rig=refine_rig or config.refine_rig
+    )
+    inputs = replace(inputs, config=config)
     return track_film(inputs, out, max_frames, progress).summary
 
 

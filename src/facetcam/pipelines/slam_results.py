@@ -28,6 +28,7 @@ from facetcam.viz.report import SlamReport, Truth
 Array = NDArray[np.float64]
 Trajectory = tuple[Array, Array]
 
+REFINED_RIG = "rig_refined.yaml"
 ALIGNED_WITHIN = 0.02  # seconds between an estimated and a true pose that are compared
 
 
@@ -52,7 +53,9 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     write_tum(record.folder / "trajectory.tum", *path)
     cloud = slam.cloud()
     write_ply(record.folder / "map.ply", *cloud)
-    write_colmap_model(record.folder / "colmap", inputs.rig, slam.rig_frames(), *cloud)
+    write_colmap_model(record.folder / "colmap", slam.rig, slam.rig_frames(), *cloud)
+    if slam.rig_refinement is not None:
+        slam.rig.save(record.folder / REFINED_RIG)
     keeper = MapKeeper(slam, inputs.maps, record.folder)
     saved = keeper.path if keeper.save() else None
     summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)
@@ -93,6 +96,7 @@ def summarise(
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
         saved_map=saved_map,
+        rig_moved=None if slam.rig_refinement is None else slam.rig_refinement.moved,
         path_length=evaluation.path_length(path[1][:, :3, 3]),
         seconds=seconds,
         frames_per_second=record.frames / seconds,
@@ -106,6 +110,8 @@ def summarise(
 def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
     """What the images say against the rig and the odometry."""
     found = [slam.rig_check.complaint] if slam.rig_check.complaint else []
+    if inputs.config.refine_rig and slam.rig_refinement is None and not inputs.maps.localize:
+        found.append("the rig was not refined: the map has too few keyframes")
     if inputs.odometry_offset:
         side = "ahead of" if inputs.odometry_offset > 0 else "behind"
         seconds = abs(inputs.odometry_offset)

@@ -19,7 +19,8 @@ class Summary:
     `tracked` counts frames whose pose was measured, those of the start included, which are solved backwards;
     `scale_sigma` is relative, None where the scale is unknown; `frames_per_second` includes decoding and the
     last adjustment; `loops` counts returns to a place that were recognised and closed;
-    `saved_map` is None where the run did not add to a map; `errors` need a true trajectory.
+    `saved_map` is None where the run did not add to a map; `rig_moved` tells by how many standard deviations
+    a refinement moved each of the rig's numbers, None without one; `errors` need a true trajectory.
     """
 
     source: str
@@ -34,6 +35,7 @@ class Summary:
     map_points: int
     loops: int
     saved_map: Path | None
+    rig_moved: dict[str, float] | None
     path_length: float
     seconds: float
     frames_per_second: float

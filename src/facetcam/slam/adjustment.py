@@ -76,14 +76,18 @@ class Adjuster:
 
         It is inf where the images cannot tell the scale.
         """
-        keyframes = self._map.keyframes
-        ids = self._map.observed_points(keyframes)
-        if not len(ids):
+        bundle = self.whole()
+        if bundle is None:
             return np.inf
-        found = map_uncertainty(self._bundle(keyframes, 1, ids)[0], self._optics, self._config.pixel_sigma)
-        for keyframe, covariance in zip(keyframes, found.covariance):
+        found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
+        for keyframe, covariance in zip(self._map.keyframes, found.covariance):
             keyframe.covariance = covariance
         return found.scale_sigma
+
+    def whole(self) -> Bundle | None:
+        """All keyframes and the points that they saw as one problem, the first keyframe held."""
+        ids = self._map.observed_points(self._map.keyframes)
+        return self._bundle(self._map.keyframes, 1, ids)[0] if len(ids) else None
 
     def _adjust(
         self,

@@ -47,6 +47,9 @@ class SlamConfig:
         Relative error of odometry between keyframes; loose, since wheels slip and their scale drifts.
     metric_sigma : float
         Relative scale error below which the map is called metric.
+    refine_rig : bool
+        At the end, let the rig's own numbers move with the map, held by the covariance of their calibration,
+        or by the tolerance of a careful build.
     real_time : bool
         Map in a thread of its own, and drop frames that come faster than they can be tracked; results then
         depend on the machine. Otherwise every run gives the same result.
@@ -70,4 +73,5 @@ class SlamConfig:
     window: int = 8
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02
+    refine_rig: bool = False
     real_time: bool = False

@@ -82,8 +82,12 @@ class Grower:
         It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
         """
         self._adjuster.adjust_all(last)
-        self.scale_sigma = self._adjuster.judge()
+        self.judge()
         self._settle()
+
+    def judge(self) -> None:
+        """Tell how well the map, as it is now, knows its scale."""
+        self.scale_sigma = self._adjuster.judge()
 
     def go_on(self, scale_sigma: float) -> None:
         """Grow from a map of an earlier run."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -39,33 +41,48 @@ class Optics:
     """
 
     def __init__(self, rig: Rig, margin: float) -> None:
-        self.rig = rig
         self.names = rig.view_names
         self.n_views = len(self.names)
-        self.focal = float(np.sqrt(rig.camera.fx * rig.camera.fy))
         self.mask = rig.mask(margin)
         self.labels = np.where(self.mask > 0, rig.labels(), NO_VIEW).astype(np.int8)
-        self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
-        self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
+        self.flipped = np.array([rig.is_flipped(name) for name in self.names])
+        self._samples = [self._sample(v, rig) for v in range(self.n_views)]
+        self.take_up(rig)
         if rig.camera.model == KANNALA_BRANDT:
             self._leave_out_steep_rays()
+
+    def take_up(self, rig: Rig) -> None:
+        """Go over to a rig that is hardly another one: its numbers moved, but its valid pixels stay."""
+        self.rig = rig
+        self.focal = float(np.sqrt(rig.camera.fx * rig.camera.fy))
+        self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
+        self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
         self.T_rig_view = se3.inverse(self.T_view_rig)
-        self.flipped = np.array([rig.is_flipped(name) for name in self.names])
         self._up = np.stack([_up_axis(T[2, :3]) for T in self.T_view_rig])
         self.roll_degrees = np.array([self._roll(v) for v in range(self.n_views)])
+
+    def adapted(self, rig: Rig) -> Optics:
+        """The same for a rig that is hardly another one (`take_up`)."""
+        other = copy.copy(self)
+        other.take_up(rig)
+        return other
 
     @property
     def camera(self) -> Camera:
         """The real camera."""
         return self.rig.camera
 
-    def _ideal_pose(self, view: int) -> Array:
-        """Pose of the pinhole along the mean ray of a view, upright in the rig where that is defined."""
+    def _sample(self, view: int, rig: Rig) -> Array:
+        """Some raw pixels (N, 2) of a view."""
         rows, columns = np.nonzero(self.labels == view)
         if not len(rows):
-            rows, columns = np.nonzero(self.rig.labels() == view)
+            rows, columns = np.nonzero(rig.labels() == view)
         pick = np.linspace(0, len(rows) - 1, min(_SAMPLES, len(rows))).astype(int)
-        origins, rays = self.rig.ray(self.names[view], np.column_stack([columns[pick], rows[pick]]))
+        return np.column_stack([columns[pick], rows[pick]])
+
+    def _ideal_pose(self, view: int) -> Array:
+        """Pose of the pinhole along the mean ray of a view, upright in the rig where that is defined."""
+        origins, rays = self.rig.ray(self.names[view], self._samples[view])
         z = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
         x = np.cross(z, _up_axis(z))
         x /= np.linalg.norm(x)
@@ -149,6 +166,11 @@ class Optics:
         local = np.column_stack([plane / self.focal, np.ones(len(plane))])
         local /= np.linalg.norm(local, axis=1, keepdims=True)
         return _rotated(self.T_rig_view[views, :3, :3], local)
+
+    def pixels(self, plane: Array, views: Index) -> Array:
+        """Raw pixels (N, 2) of positions on the ideal pinholes: the inverse of `plane`."""
+        rays = _rotated(self._T_image_rig[views, :3, :3], self.plane_rays(plane, views))
+        return self.camera.project(rays)[0]
 
     def to_plane(self, points_rig: Array, views: Index) -> tuple[Array, Array]:
         """Points (N, 3) on the ideal pinholes of their views: plane coordinates (N, 2) and depths (N,)."""

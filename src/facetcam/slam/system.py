@@ -24,6 +24,7 @@ from facetcam.slam.map_file import MapHeader
 from facetcam.slam.odometry import checked_odometry, planar_motion, planar_pose
 from facetcam.slam.odometry_check import OdometryCheck
 from facetcam.slam.parts import Parts
+from facetcam.slam.rig_refinement import RigRefinement, refine_rig
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix
@@ -53,6 +54,8 @@ class Slam:
     ----------
     rig_check : RigCheck
         Whether the rig's file and the film belong together.
+    rig_refinement : RigRefinement or None
+        How `finish` moved the rig's numbers, with `SlamConfig.refine_rig`; `rig` is the refined one then.
     odometry_check : OdometryCheck
         Whether odometry and the film belong together, and on one clock.
     dropped : int
@@ -76,6 +79,7 @@ class Slam:
         self._parts = parts = self._assemble()
         self._map, self._grower, self._tracker = parts.map, parts.grower, parts.tracker
         self.rig_check = parts.rig_check
+        self.rig_refinement: RigRefinement | None = None
         self.odometry_check = OdometryCheck()
         self.dropped = 0
         self._calls = threading.Lock()
@@ -285,6 +289,14 @@ class Slam:
             self._checking.wait()
             if not self._localise_only:
                 self._grower.adjust_all(last=True)
+                if self.config.refine_rig:
+                    self._refine_rig()
+
+    def _refine_rig(self) -> None:
+        parts = self._parts
+        self.rig_refinement = refine_rig(parts.map, parts.optics, parts.adjuster, self.config.pixel_sigma)
+        self.rig = parts.optics.rig
+        self._grower.judge()
 
     def close(self) -> None:
         """Wait until nothing grows the map any more: for runs that end early. The map stays."""

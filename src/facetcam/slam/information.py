@@ -1,0 +1,114 @@
+"""What the reprojections say of poses and rig, with all points eliminated (Schur complement)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from facetcam.rig import RigCovariance
+from facetcam.rig.freedom import moved
+from facetcam.slam.bundle import Bundle
+from facetcam.slam.optics import Optics
+from facetcam.slam.pose import linearise
+
+Array = NDArray[np.float64]
+
+_STEP = 0.1  # standard deviations by which a number of the rig is moved for its derivative
+
+
+@dataclass(frozen=True, slots=True)
+class Information:
+    """Normal equations of poses, as right-hand twists, and of the rig's numbers in standard deviations.
+
+    Attributes
+    ----------
+    poses : (6K, 6K) array
+    joint : (6K, R) array
+    rig : (R, R) array
+    pose_gradient, rig_gradient : (6K,), (R,) arrays
+    """
+
+    poses: Array
+    joint: Array
+    rig: Array
+    pose_gradient: Array
+    rig_gradient: Array
+
+
+def information(
+    bundle: Bundle, optics: Optics, pixel_sigma: float, known: RigCovariance | None = None
+) -> Information:
+    """Reduce a bundle to its poses and, where `known` names them, the rig's numbers."""
+    K, P, M = len(bundle.T_world_rig), len(bundle.points), len(bundle.frame)
+    residual, J, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
+    for k, T in enumerate(bundle.T_world_rig):
+        rows = bundle.frame == k
+        points = bundle.points[bundle.point[rows]]
+        residual[rows], J[rows] = linearise(T, points, bundle.view[rows], bundle.plane[rows], optics)
+        by_point[rows] = -J[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
+    weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
+    variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum()))
+    # All measurements of a point come from one reference patch: they count as one, not as many.
+    root = np.sqrt(P / M * weight / max(variance, 1e-6))[:, None, None]
+    by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, optics, known)
+    A, B = _blocks(root * J, bundle.frame, K), _blocks(root * by_point, bundle.point, P)
+    C, r = (root * by_rig).reshape(2 * M, -1), (root[:, :, 0] * residual).ravel()
+    V_inverse = _inverse_blocks((B.T @ B).tobsr((3, 3)), P)
+    W = A.T @ B
+    through, pull, rest = V_inverse @ (B.T @ C), V_inverse @ (B.T @ r), B.T @ C
+    return Information(
+        poses=np.asarray((A.T @ A - W @ V_inverse @ W.T).todense()),
+        joint=A.T @ C - W @ through,
+        rig=C.T @ C - rest.T @ through,
+        pose_gradient=A.T @ r - W @ pull,
+        rig_gradient=C.T @ r - rest.T @ pull,
+    )
+
+
+def rig_derivatives(bundle: Bundle, optics: Optics, known: RigCovariance) -> Array:
+    """Change (M, 2, R) of each residual by one standard deviation of each of the rig's numbers."""
+    sigma = np.sqrt(np.diag(known.matrix))
+    pixels = optics.pixels(bundle.plane, bundle.view)
+    out = np.zeros((len(pixels), 2, len(sigma)))
+    for index, name in enumerate(known.parameters):
+        mirror, _, motion = name.partition(": ")
+        views = [bool(not motion or mirror in view.mirrors) for view in optics.rig.views.values()]
+        rows = np.flatnonzero(np.array(views)[bundle.view])
+        step = np.zeros(len(sigma))
+        step[index] = _STEP * sigma[index]
+        ahead, back = (
+            _residuals(bundle, rows, pixels[rows], optics.adapted(moved(optics.rig, known, s)))
+            for s in (step, -step)
+        )
+        out[rows, :, index] = (ahead - back) / (2.0 * _STEP)
+    return out
+
+
+def _residuals(bundle: Bundle, rows: NDArray[np.int64], pixels: Array, optics: Optics) -> Array:
+    frame, view = bundle.frame[rows], bundle.view[rows]
+    R, t = bundle.T_world_rig[frame, :3, :3], bundle.T_world_rig[frame, :3, 3]
+    points_rig = np.einsum("nji,nj->ni", R, bundle.points[bundle.point[rows]] - t)
+    return np.asarray(optics.to_plane(points_rig, view)[0] - optics.plane(pixels, view))
+
+
+def _blocks(values: Array, column: NDArray[np.int64], n_columns: int) -> sparse.csr_matrix:
+    """Sparse matrix with one dense block a row-block, in the given block column."""
+    rows, height, width = values.shape
+    matrix = sparse.bsr_matrix(
+        (values, column, np.arange(rows + 1)), shape=(rows * height, n_columns * width)
+    )
+    return matrix.tocsr()
+
+
+def _inverse_blocks(V: sparse.bsr_matrix, count: int) -> sparse.bsr_matrix:
+    """Inverse of a matrix of (3, 3) blocks on the diagonal."""
+    blocks = np.zeros((count, 3, 3))
+    row = np.repeat(np.arange(count), np.diff(V.indptr))
+    diagonal = row == V.indices
+    blocks[row[diagonal]] = V.data[diagonal]
+    damping = 1e-9 + 1e-14 * np.trace(blocks, axis1=1, axis2=2)  # more would pose as information
+    inverse = np.linalg.inv(blocks + damping[:, None, None] * np.eye(3))
+    return sparse.bsr_matrix((inverse, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count))

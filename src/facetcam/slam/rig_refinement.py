@@ -1,0 +1,97 @@
+"""Refining the rig's own numbers from the map, held by what its calibration or its build leaves open."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.rig import Rig, RigCovariance
+from facetcam.rig.freedom import moved, tolerance
+from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.bundle import Bundle
+from facetcam.slam.information import information
+from facetcam.slam.map import Map
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+
+_ROUNDS = 6
+_SMALL_STEP = 0.02  # standard deviations at which to stop
+_NULL = 1e-10  # information below this share of the largest is rounding
+_LEAST_KEYFRAMES = 5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RigRefinement:
+    """A rig after refinement; its covariance is what is still open.
+
+    Attributes
+    ----------
+    rig : Rig
+    before : RigCovariance
+        What was open before.
+    shift : (P,) array
+        By how much each number of `before` moved, in its standard deviations.
+    """
+
+    rig: Rig
+    before: RigCovariance
+    shift: Array
+
+    @property
+    def moved(self) -> dict[str, float]:
+        """Shift of each number in standard deviations, by name."""
+        return {name: float(s) for name, s in zip(self.before.parameters, self.shift)}
+
+
+def refine_rig(map: Map, optics: Optics, adjuster: Adjuster, pixel_sigma: float) -> RigRefinement | None:
+    """Find the rig that explains the map best, and adjust the map with it; None if the map is too small.
+
+    Each round takes the Gauss-Newton step of the rig's numbers in the joint problem of rig, poses and points,
+    then lets poses and points settle.
+    """
+    whole = adjuster.whole()
+    if whole is None or len(map.keyframes) < _LEAST_KEYFRAMES:
+        return None
+    before = optics.rig.covariance or tolerance(optics.rig)
+    sigma = np.sqrt(np.diag(before.matrix))
+    shift, rig = np.zeros(len(sigma)), replace(optics.rig, covariance=before)
+    prior = np.linalg.inv(before.matrix / np.outer(sigma, sigma) + 1e-9 * np.eye(len(sigma)))
+    for _ in range(_ROUNDS):
+        H, gradient = _rig_equations(adjuster.whole() or whole, optics, pixel_sigma, rig.covariance or before)
+        step = -np.linalg.solve(H + prior, gradient + prior @ shift)
+        rig, shift = moved(rig, rig.covariance or before, sigma * step), shift + step
+        _take_up(map, optics, rig)
+        adjuster.adjust_all(last=True)
+        if np.abs(step).max() < _SMALL_STEP:
+            break
+    left = np.linalg.inv(H + prior) * np.outer(sigma, sigma)
+    axes = (rig.covariance or before).axes
+    rig = replace(rig, covariance=RigCovariance(before.parameters, 0.5 * (left + left.T), axes))
+    _take_up(map, optics, rig)
+    return RigRefinement(rig, before, shift)
+
+
+def _rig_equations(
+    whole: Bundle, optics: Optics, pixel_sigma: float, known: RigCovariance
+) -> tuple[Array, Array]:
+    """Information (R, R) and gradient (R,) of the rig's numbers with points and poses eliminated."""
+    found = information(whole, optics, pixel_sigma, known)
+    values, vectors = np.linalg.eigh(found.poses[6:, 6:])  # the first frame is held
+    seen = values > _NULL * values[-1]
+    spread = vectors[:, seen] / np.sqrt(values[seen])
+    through = spread.T @ found.joint[6:]
+    H = found.rig - through.T @ through
+    return 0.5 * (H + H.T), found.rig_gradient - through.T @ (spread.T @ found.pose_gradient[6:])
+
+
+def _take_up(map: Map, optics: Optics, rig: Rig) -> None:
+    """Go over to another rig; what was seen lies elsewhere on its ideal pinholes."""
+    with map.lock:
+        optics.take_up(rig)
+        for keyframe in map.keyframes:
+            seen, corners = keyframe.observations, keyframe.corners
+            seen.plane = optics.plane(seen.pixels, seen.view)
+            keyframe.corners = replace(corners, plane=optics.plane(corners.pixels, corners.views))

@@ -1,0 +1,91 @@
+"""Refining a rig from its own map: worlds seen by one rig and mapped with another."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from slam_worlds import folded, in_sight, look, pyramid, winding_path
+
+from facetcam.evaluation.trajectory import scale_error
+from facetcam.rig import Rig
+from facetcam.rig.freedom import moved, tolerance
+from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import Corners
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.optics import Optics
+from facetcam.slam.rig_refinement import refine_rig
+
+Array = NDArray[np.float64]
+
+RIGS = {"folded": folded(), "pyramid": pyramid()}
+CONFIG = SlamConfig()
+
+
+def mapped(true: Rig, optics: Optics, path: Array, rng: np.random.Generator, noise: float) -> Map:
+    """The map of a world that `true` saw along a path, as the rig of `optics` takes what was seen."""
+    eyes, world = Optics(true, 8.0), Map()
+    points = in_sight(eyes, path, rng, 900)
+    sights = [look(eyes, T, points) for T in path]
+    often = np.bincount(np.concatenate([s.point for s in sights]), minlength=len(points)) >= 3
+    world.points.extend(xyz=points)
+    for index, (T, seen) in enumerate(zip(path, sights)):
+        rows = np.flatnonzero(often[seen.point])
+        pixels = seen.pixels[rows] + rng.normal(0.0, noise, (len(rows), 2))
+        keyframe = Keyframe(index, 0.1 * index, T.copy(), Corners.none(), None, None)
+        view = seen.view[rows]
+        keyframe.observations.append(seen.point[rows], view, pixels, optics.plane(pixels, view))
+        world.keyframes.append(keyframe)
+    return world
+
+
+def centres(world: Map) -> Array:
+    return world.poses()[:, :3, 3]
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_rig_a_little_off_is_found_and_its_metre_with_it(name: str) -> None:
+    rig, rng = RIGS[name], np.random.default_rng(5)
+    known = tolerance(rig)
+    sigma = 0.1 * np.sqrt(np.diag(known.matrix))  # tilts of two arc minutes, shifts of 0.03 mm
+    known = replace(known, matrix=0.01 * known.matrix)
+    true = moved(rig, known, sigma * rng.standard_normal(len(sigma)))
+    judged = replace(rig, covariance=known)
+    optics, path = Optics(judged, 8.0), winding_path(12, 1.5)
+    world = mapped(true, optics, path, rng, 0.2)
+    adjuster = Adjuster(world, optics, CONFIG)
+    adjuster.adjust_all(last=True)
+    before = abs(scale_error(centres(world), path[:, :3, 3]))
+    found = refine_rig(world, optics, adjuster, CONFIG.pixel_sigma)
+    after = abs(scale_error(centres(world), path[:, :3, 3]))
+    assert found is not None and found.rig.covariance is not None
+    assert after < 0.5 * before
+    assert after < 3.0 * adjuster.judge()
+    assert np.abs(found.shift).max() < 4.0
+    assert np.all(np.diag(found.rig.covariance.matrix) < 1.001 * np.diag(known.matrix))
+
+
+def test_a_true_rig_stays_true() -> None:
+    rig, rng = RIGS["pyramid"], np.random.default_rng(6)
+    known = tolerance(rig)
+    rig = replace(rig, covariance=replace(known, matrix=0.01 * known.matrix))
+    optics, path = Optics(rig, 8.0), winding_path(8, 1.5)
+    world = mapped(rig, optics, path, rng, 0.2)
+    adjuster = Adjuster(world, optics, CONFIG)
+    adjuster.adjust_all(last=True)
+    unsure = adjuster.judge()
+    found = refine_rig(world, optics, adjuster, CONFIG.pixel_sigma)
+    assert found is not None
+    assert np.abs(found.shift).max() < 1.0
+    assert adjuster.judge() < unsure
+    assert abs(scale_error(centres(world), path[:, :3, 3])) < 3.0 * adjuster.judge()
+
+
+def test_a_map_too_small_refines_nothing() -> None:
+    optics, path = Optics(RIGS["pyramid"], 8.0), winding_path(3, 0.3)
+    world = mapped(optics.rig, optics, path, np.random.default_rng(7), 0.2)
+    assert refine_rig(world, optics, Adjuster(world, optics, CONFIG), CONFIG.pixel_sigma) is None
+    assert optics.rig is RIGS["pyramid"]
