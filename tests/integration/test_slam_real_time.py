@@ -111,6 +111,7 @@ def test_missing_frames_are_bridged_at_the_same_speed(shot: Shot) -> None:
 
 
 def test_an_error_in_mapping_reaches_the_caller(shot: Shot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("facetcam.slam.threads.Pace.behind", lambda *_: False)  # the machine may be busy
     slam = real_time(shot)
     k = 0
     while shot.feed(slam, k) is not Status.TRACKING:

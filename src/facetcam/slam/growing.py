@@ -69,7 +69,7 @@ class Grower:
             for settled in self._map.keyframes[self._places.indexed : -self._config.window]:
                 self._places.add(settled)
                 settled.corners = Corners.none()  # the index has what is worth keeping
-            loop = self._closer.close(keyframe, self.metric)
+        loop = self._closer.close(keyframe, self.metric)
         if loop is not None:
             self.loops += 1
             self._adjuster.adjust_coarsely()

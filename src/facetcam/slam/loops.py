@@ -83,6 +83,9 @@ class LoopCloser:
 
         Tracking may have found the old points itself; else the place is recognised, its pose verified by
         patches, and the keyframes between are bent by a pose graph. The caller adjusts the map afterwards.
+
+        Only mapping may call this: nothing else changes what is read here. The lock is held where the map is
+        changed, so that tracking goes on while the rest is computed.
         """
         if keyframe.index - self._last < self._away or keyframe.frame is None:
             return None
@@ -153,10 +156,13 @@ class LoopCloser:
         edges = Edges.between(*self._ties(), poses).plus(
             old, keyframe.index, se3.inverse(poses[old]) @ fix.T_world_rig, growth, _CLOSING_WEIGHT
         )
-        move_map(self._map, *relax(poses, edges, with_scale=not metric))
+        bent = relax(poses, edges, with_scale=not metric)
+        with self._map.lock:
+            move_map(self._map, *bent)
         ids = np.unique(fix.seen.point)
         for other in keyframes[-self._config.window :]:
-            self._join(other, ids)
+            with self._map.lock:
+                self._join(other, ids)
         return Loop(keyframe.index, old, len(fix.seen), gap)
 
     def _growth(self, keyframe: Keyframe, fix: Fix) -> float:

@@ -1,0 +1,81 @@
+"""How the map grows beside tracking."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+from slam_worlds import winding_path
+
+from facetcam.slam import loops
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import Corners
+from facetcam.slam.growing import Grower
+from facetcam.slam.loops import LoopCloser
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measure import Measurements
+from facetcam.slam.pose import Pose
+from facetcam.slam.tracking import Fix
+from facetcam.slam.trajectory import Trajectory
+
+SOON = 5.0
+
+
+class Stub:
+    """Stands for a part; whatever it is asked, it returns what it was given."""
+
+    indexed = 0
+
+    def __init__(self, **answers: Any) -> None:
+        for name, answer in answers.items():
+            setattr(self, name, lambda *_, answer=answer: answer)
+
+
+def tracked_meanwhile(map: Map) -> bool:
+    """Tell whether another thread gets the lock of the map soon."""
+    done = threading.Event()
+
+    def take() -> None:
+        with map.lock:
+            done.set()
+
+    threading.Thread(target=take, daemon=True).start()
+    return done.wait(SOON)
+
+
+def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    map, config, poses = Map(), SlamConfig(), winding_path(40)
+    map.keyframes = [
+        Keyframe(k, float(k), T, Corners.none(), Stub(), None)  # type: ignore[arg-type]
+        for k, T in enumerate(poses)
+    ]
+    map.points.extend(xyz=np.zeros((len(poses), 3)))
+    for k, keyframe in enumerate(map.keyframes):
+        keyframe.observations.point = np.array([k])
+    moved = poses[-1].copy()
+    moved[:3, 3] += (0.0, 0.0, 0.5)
+    seen = Measurements.none()
+    fix = Fix(Pose(moved, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
+    closer = LoopCloser(map, Stub(), config, Stub(), Stub(), Stub())  # type: ignore[arg-type]
+    monkeypatch.setattr(closer, "_tracked", lambda keyframe: None)
+    monkeypatch.setattr(closer, "_old_places", lambda keyframe: [np.array([0])])
+    monkeypatch.setattr(closer, "_verified", lambda keyframe, group: fix)
+    monkeypatch.setattr(closer, "_join", lambda keyframe, ids: None)
+    free: list[bool] = []
+    relax = loops.relax
+
+    def watched(*arguments: Any, **options: Any) -> Any:
+        free.append(tracked_meanwhile(map))
+        return relax(*arguments, **options)
+
+    monkeypatch.setattr(loops, "relax", watched)
+    mapper = Stub(insert=map.keyframes[-1])
+    adjuster = Stub(adjust_coarsely=None, adjust_all=None, judge=0.001)
+    grower = Grower(map, Stub(add=None), mapper, adjuster, closer, config)  # type: ignore[arg-type]
+    grower.scale_sigma = 0.001
+    grower.grow(None, fix, None, Trajectory())  # type: ignore[arg-type]
+    assert free == [True]
+    assert grower.loops == 1
+    assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(moved[2, 3], abs=0.1)  # it was 0.5 off
