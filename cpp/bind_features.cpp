@@ -23,6 +23,7 @@ using Table = nb::ndarray<const std::int16_t, nb::ndim<1>, nb::c_contig, nb::dev
 
 using KeypointRows = nb::ndarray<nb::numpy, float, nb::shape<-1, 6>>;
 using TableOut = nb::ndarray<nb::numpy, std::int16_t, nb::ndim<1>>;
+using DistancesOut = nb::ndarray<nb::numpy, std::int32_t, nb::ndim<2>>;
 using IndicesOut = nb::ndarray<nb::numpy, std::int32_t, nb::ndim<1>>;
 
 ImageView view_of(const Image& image) {
@@ -82,6 +83,15 @@ Descriptors descriptors_of(const Bytes& bytes) {
     return {bytes.data(), static_cast<int>(bytes.shape(0)), static_cast<int>(bytes.shape(1))};
 }
 
+DistancesOut hamming(const Bytes& query, const Bytes& train) {
+    std::vector<std::int32_t> all;
+    {
+        nb::gil_scoped_release release;
+        all = hamming_distances(descriptors_of(query), descriptors_of(train));
+    }
+    return to_numpy<DistancesOut>(std::move(all), {query.shape(0), train.shape(0)});
+}
+
 IndicesOut mutual(const Bytes& query, const Bytes& train, int max_distance, float ratio) {
     std::vector<std::int32_t> matches;
     {
@@ -118,6 +128,8 @@ void bind_features(nb::module_& m) {
     m.def(
         "best_isa", [] { return static_cast<int>(best_isa()); },
         "Best instruction set of this machine: 0 baseline, 1 AVX2, 2 AVX-512.");
+    m.def("hamming", &hamming, "query"_a.noconvert(), "train"_a.noconvert(),
+          "Distances in bits of all pairs, (N, M).");
     m.def("match_mutual", &mutual, "query"_a.noconvert(), "train"_a.noconvert(), "max_distance"_a, "ratio"_a,
           "Index of the mutually nearest train descriptor, or -1.");
     m.def("match_windowed", &windowed, "query"_a.noconvert(), "query_xy"_a.noconvert(),

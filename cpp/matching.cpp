@@ -124,6 +124,14 @@ std::vector<std::int32_t> settle(const std::vector<Nearest>& nearest, int train_
 
 }  // namespace
 
+std::vector<std::int32_t> hamming_distances(const Descriptors& query, const Descriptors& train) {
+    std::vector<std::int32_t> all(static_cast<std::size_t>(query.count) * train.count);
+    for (int q = 0; q < query.count; ++q)
+        distances(query.data + static_cast<std::size_t>(q) * query.bytes, train.data, train.bytes,
+                  train.count, all.data() + static_cast<std::size_t>(q) * train.count);
+    return all;
+}
+
 std::vector<std::int32_t> match_mutual(const Descriptors& query, const Descriptors& train,
                                        const MatchLimits& limits) {
     std::vector<Nearest> forward(query.count), backward(train.count);

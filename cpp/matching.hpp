@@ -15,6 +15,9 @@ struct MatchLimits {
     float ratio;       // best <= ratio * second best; 1 or more: no test
 };
 
+// Hamming distances of all pairs, query.count x train.count.
+std::vector<std::int32_t> hamming_distances(const Descriptors& query, const Descriptors& train);
+
 // For every query the train index that is nearest and whose nearest query it is in turn, or -1.
 std::vector<std::int32_t> match_mutual(const Descriptors& query, const Descriptors& train,
                                        const MatchLimits& limits);

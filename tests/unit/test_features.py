@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.features import SIICF, Keypoints, describe, match_mutual, match_windowed
+from facetcam.features.matching import hamming, mutual_best
 
 
 @pytest.fixture(scope="module")
@@ -195,6 +196,22 @@ def test_descriptors_say_how_they_compare(scene: np.ndarray) -> None:
     assert describe(flat, none[:0])[1].shape == (0, 128)
     with pytest.raises(ConfigError, match="did you mean 'binary'"):
         SIICF.create(descriptor="binray")
+
+
+@pytest.mark.parametrize("width", [32, 61])
+def test_distances_and_their_mutual_best_are_those_of_brute_force(width: int) -> None:
+    rng = np.random.default_rng(4)
+    a, b = (rng.integers(0, 256, (n, width), np.uint8) for n in (40, 55))
+    b[:20] = a[:20] ^ rng.choice([0, 1, 16], (20, width)).astype(np.uint8)
+    distances = hamming(a, b)
+    np.testing.assert_array_equal(distances, brute_distances(a, b))
+    for ratio, limit in ((1.0, 8 * width), (0.8, 8 * width), (1.0, 20)):
+        rows, columns = mutual_best(distances, ratio, limit)
+        np.testing.assert_array_equal(np.column_stack([rows, columns]), match_mutual(a, b, ratio, limit))
+    assert hamming(a, b[:0]).shape == (40, 0)
+    assert len(mutual_best(hamming(a, b[:0]), 1.0, 9)[0]) == 0
+    with pytest.raises(FacetcamError, match="train descriptors: expected uint8"):
+        hamming(a, b[:, :8])
 
 
 def test_mutual_matches_of_floats_are_those_of_brute_force() -> None:

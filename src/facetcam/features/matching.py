@@ -56,6 +56,41 @@ def match_mutual(
     return np.column_stack([matched, nearest[matched]]).astype(np.int32)
 
 
+def hamming(query: Descriptors, train: Descriptors) -> NDArray[np.int32]:
+    """Distances (N, M) in bits between binary descriptors (N, B), (M, B); FacetcamError for other arrays."""
+    bits = _descriptors(query, "query")
+    return _core.hamming(bits, _descriptors(train, "train", bits.shape[1]))
+
+
+def mutual_best(
+    distances: NDArray[np.integer], ratio: float, max_distance: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of a matrix of distances (N, M) that are each other's best.
+
+    Parameters
+    ----------
+    distances : (N, M)
+        Of all pairs; what must not match is larger than `max_distance`.
+    ratio : float
+        The best distance of a row must be at most this share of the second best.
+    max_distance : float
+        Greatest distance.
+
+    Returns
+    -------
+    rows, columns : (K,) arrays
+        In rising order of the rows.
+    """
+    if not distances.size:
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    column, rows = np.argmin(distances, axis=1), np.arange(len(distances))
+    best = distances[rows, column]
+    good = (np.argmin(distances, axis=0)[column] == rows) & (best <= max_distance)
+    if distances.shape[1] > 1:
+        good &= best <= ratio * np.partition(distances, 1, axis=1)[:, 1]
+    return rows[good], column[good]
+
+
 def match_windowed(
     query: Descriptors,
     query_xy: ArrayLike,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Corners
@@ -58,32 +59,11 @@ def match_along_epipolars(
         in_a, in_b = rows_a[a.views[rows_a] == view], rows_b[b.views[rows_b] == view]
         if not len(in_a) or not len(in_b):
             continue
-        distance = _hamming(a.descriptors[in_a], b.descriptors[in_b])
+        distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
         error = epipolar_error(a.plane[in_a][:, None], b.plane[in_b][None], view, T_a_b, optics)
         distance[np.abs(error) > gate] = _FAR
-        best_a, best_b = _mutual_best(distance, config)
+        best_a, best_b = mutual_best(distance, config.match_ratio, config.match_distance)
         pairs.append((in_a[best_a], in_b[best_b]))
     if not pairs:
         return rows_a[:0], rows_b[:0]
     return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
-
-
-def _mutual_best(distance: NDArray[np.int32], config: SlamConfig) -> tuple[Index, Index]:
-    column = np.argmin(distance, axis=1)
-    rows = np.arange(len(distance))
-    best = distance[rows, column]
-    mutual = np.argmin(distance, axis=0)[column] == rows
-    if distance.shape[1] > 1:
-        second = np.partition(distance, 1, axis=1)[:, 1]
-        mutual &= best <= config.match_ratio * second
-    keep = np.flatnonzero(mutual & (best <= config.match_distance))
-    return keep, column[keep]
-
-
-def _hamming(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Distances (N, M) in bits between descriptors (N, D), (M, D)."""
-    words_a, words_b = (np.ascontiguousarray(d).view(np.uint64) for d in (a, b))
-    total = np.zeros((len(a), len(b)), np.int32)
-    for i in range(words_a.shape[1]):
-        total += np.bitwise_count(words_a[:, None, i] ^ words_b[None, :, i])
-    return total

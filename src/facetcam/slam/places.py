@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
+from facetcam.features.matching import hamming, mutual_best
 from facetcam.slam.map import Keyframe
 
 Index = NDArray[np.int64]
@@ -199,14 +200,9 @@ def match_points(
         return np.empty(0, np.int64), np.empty(0, np.int64)
     order = np.argsort(sightings.point, kind="stable")
     points, start = np.unique(sightings.point[order], return_index=True)
-    distance = np.minimum.reduceat(_all_bits(query, sightings.descriptor[order]), start, axis=1)
-    column, rows = np.argmin(distance, axis=1), np.arange(len(query))
-    best = distance[rows, column].copy()
-    good = (np.argmin(distance, axis=0)[column] == rows) & (best <= max_distance)
-    if len(points) > 1:
-        distance[rows, column] = np.iinfo(distance.dtype).max
-        good &= best <= ratio * distance.min(axis=1)
-    return rows[good], points[column[good]]
+    distance = np.minimum.reduceat(hamming(query, sightings.descriptor[order]), start, axis=1)
+    rows, columns = mutual_best(distance, ratio, max_distance)
+    return rows, points[columns]
 
 
 def _keys(descriptors: Descriptors) -> NDArray[np.uint16]:
@@ -219,15 +215,6 @@ def _bits(a: Descriptors, b: Descriptors) -> NDArray[np.int64]:
     """Hamming distances (N,) of rows."""
     words_a, words_b = (np.ascontiguousarray(d).view(np.uint64) for d in (a, b))
     return np.asarray(np.bitwise_count(words_a ^ words_b).sum(axis=1, dtype=np.int64))
-
-
-def _all_bits(a: Descriptors, b: Descriptors) -> NDArray[np.int16]:
-    """Hamming distances (N, M) of all pairs."""
-    words_a, words_b = (np.ascontiguousarray(d).view(np.uint64) for d in (a, b))
-    total = np.zeros((len(a), len(b)), np.int16)
-    for word in range(words_a.shape[1]):
-        total += np.bitwise_count(words_a[:, None, word] ^ words_b[None, :, word])
-    return total
 
 
 _CHOSEN = np.stack(
