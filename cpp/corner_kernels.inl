@@ -36,43 +36,58 @@ void transfer(const std::uint8_t* pixels, const Value* table, int n, Value* __re
 }
 #endif
 
-// a * b / 2^15 rounded: one instruction on most machines.
-inline Value scaled(Value a, Value b) { return static_cast<Value>((((a * b) >> 14) + 1) >> 1); }
-
 template <int R>
-void filter_radius(const Value* const* rows, const Value* taps, int n, Value* __restrict out) {
+void columns_radius(const Value* const* rows, const Value* taps, int n, Value* __restrict out) {
     const Value* row[2 * R + 1];
     Value tap[R + 1];
     for (int i = 0; i <= 2 * R; ++i) row[i] = rows[i];
     for (int i = 0; i <= R; ++i) tap[i] = taps[i];
     for (int x = 0; x < n; ++x) {
-        Value sum = scaled(row[R][x], tap[0]);
-        for (int i = 1; i <= R; ++i) {
-            const Value pair = static_cast<Value>(row[R - i][x] + row[R + i][x]);
-            sum = static_cast<Value>(sum + scaled(pair, tap[i]));
-        }
-        out[x] = sum;
+        int sum = row[R][x] * tap[0];
+        for (int i = 1; i <= R; ++i) sum += (row[R - i][x] + row[R + i][x]) * tap[i];
+        out[x] = static_cast<Value>(sum);
     }
 }
 
-void symmetric_filter(const Value* const* rows, const Value* taps, int radius, int n, Value* out) {
+void filter_columns(const Value* const* rows, const Value* taps, int radius, int n, Value* out) {
     switch (radius) {
         case 1:
-            return filter_radius<1>(rows, taps, n, out);
+            return columns_radius<1>(rows, taps, n, out);
         case 2:
-            return filter_radius<2>(rows, taps, n, out);
+            return columns_radius<2>(rows, taps, n, out);
         case 3:
-            return filter_radius<3>(rows, taps, n, out);
+            return columns_radius<3>(rows, taps, n, out);
         case 4:
-            return filter_radius<4>(rows, taps, n, out);
+            return columns_radius<4>(rows, taps, n, out);
         case 5:
-            return filter_radius<5>(rows, taps, n, out);
+            return columns_radius<5>(rows, taps, n, out);
         case 6:
-            return filter_radius<6>(rows, taps, n, out);
+            return columns_radius<6>(rows, taps, n, out);
         case 7:
-            return filter_radius<7>(rows, taps, n, out);
+            return columns_radius<7>(rows, taps, n, out);
         default:
-            return filter_radius<8>(rows, taps, n, out);
+            return columns_radius<8>(rows, taps, n, out);
+    }
+}
+
+void blur_row(const Value* row, const Value* taps, int radius, int n, Value* out) {
+    switch (radius) {
+        case 1:
+            return blur_radius<1>(row, taps, n, out);
+        case 2:
+            return blur_radius<2>(row, taps, n, out);
+        case 3:
+            return blur_radius<3>(row, taps, n, out);
+        case 4:
+            return blur_radius<4>(row, taps, n, out);
+        case 5:
+            return blur_radius<5>(row, taps, n, out);
+        case 6:
+            return blur_radius<6>(row, taps, n, out);
+        case 7:
+            return blur_radius<7>(row, taps, n, out);
+        default:
+            return blur_radius<8>(row, taps, n, out);
     }
 }
 
@@ -112,27 +127,6 @@ void gradient_products(const Value* above, const Value* row, const Value* below,
     }
 }
 
-void window_rows(const Value* const* rows, const Value* taps, int radius, int n, Value* out) {
-    switch (radius) {
-        case 1:
-            return window_radius<1>(rows, taps, n, out);
-        case 2:
-            return window_radius<2>(rows, taps, n, out);
-        case 3:
-            return window_radius<3>(rows, taps, n, out);
-        case 4:
-            return window_radius<4>(rows, taps, n, out);
-        case 5:
-            return window_radius<5>(rows, taps, n, out);
-        case 6:
-            return window_radius<6>(rows, taps, n, out);
-        case 7:
-            return window_radius<7>(rows, taps, n, out);
-        default:
-            return window_radius<8>(rows, taps, n, out);
-    }
-}
-
 void corner_response(const Value* xx, const Value* xy, const Value* yy, const Value* taps, int radius,
                      float alpha, float scale, const float* coarse, float weight, int n, float* out) {
     switch (radius) {
@@ -163,57 +157,62 @@ void peaks(const float* above, const float* row, const float* below, float floor
     }
 }
 
-void halve_row(const Value* in, bool odd, int n, Value* __restrict out) {
-    if (odd) {
-        for (int x = 0; x < n; ++x) {
-            const Value* p = in + 2 * x;
-            out[x] = static_cast<Value>((14 * p[0] + 8 * (p[-1] + p[1]) + p[-2] + p[2] + 16) >> 5);
-        }
-    } else {
-        for (int x = 0; x < n; ++x) {
-            const Value* p = in + 2 * x;
-            out[x] = static_cast<Value>((3 * (p[0] + p[1]) + p[-1] + p[2] + 4) >> 3);
-        }
-    }
-}
-
-void halve_column(const Value* const* rows, bool odd, int n, Value* __restrict out) {
+void halve_columns(const Value* const* rows, bool odd, int n, Value* __restrict out) {
     const Value *a = rows[0], *b = rows[1], *c = rows[2], *d = rows[3];
     if (odd) {
         const Value* e = rows[4];
-        for (int x = 0; x < n; ++x)
-            out[x] = static_cast<Value>((14 * c[x] + 8 * (b[x] + d[x]) + a[x] + e[x] + 16) >> 5);
+        for (int x = 0; x < n; ++x) out[x] = static_cast<Value>(14 * c[x] + 8 * (b[x] + d[x]) + a[x] + e[x]);
     } else {
-        for (int x = 0; x < n; ++x) out[x] = static_cast<Value>((3 * (b[x] + c[x]) + a[x] + d[x] + 4) >> 3);
+        for (int x = 0; x < n; ++x) out[x] = static_cast<Value>(3 * (b[x] + c[x]) + a[x] + d[x]);
     }
 }
 
-void blend(const float* a, const float* b, float weight, int n, float* __restrict out) {
-    const float rest = 1.0f - weight;
-    for (int x = 0; x < n; ++x) out[x] = weight * a[x] + rest * b[x];
+void halve_row(const Value* in, bool odd, int shift, int n, Value* __restrict out) {
+    const int half = 1 << (shift - 1);
+    if (odd) {
+        for (int x = 0; x < n; ++x) {
+            const Value* p = in + 2 * x;
+            out[x] = static_cast<Value>((14 * p[0] + 8 * (p[-1] + p[1]) + p[-2] + p[2] + half) >> shift);
+        }
+    } else {
+        for (int x = 0; x < n; ++x) {
+            const Value* p = in + 2 * x;
+            out[x] = static_cast<Value>((3 * (p[0] + p[1]) + p[-1] + p[2] + half) >> shift);
+        }
+    }
 }
 
-void stretch_row(const float* in, bool odd, int n, float* __restrict out) {
+// Between four values; `near` and `far` are rows, a and b columns with weights wa and wb.
+inline float bilinear(const float* near, const float* far, int a, int b, float wn, float wf, float wa,
+                      float wb) {
+    return (wn * wa * near[a] + wf * wb * far[b]) + (wn * wb * near[b] + wf * wa * far[a]);
+}
+
+void stretch(const float* near, const float* far, float weight, bool odd, int n, float* __restrict out) {
+    const float rest = 1.0f - weight;
+    const auto at = [&](int a, int b, float w) {
+        return bilinear(near, far, a, b, weight, rest, w, 1.0f - w);
+    };
     if (odd) {
         for (int x = 0; x + 1 < n; ++x) {
-            out[2 * x] = in[x];
-            out[2 * x + 1] = 0.5f * (in[x] + in[x + 1]);
+            out[2 * x] = at(x, x, 0.5f);
+            out[2 * x + 1] = at(x, x + 1, 0.5f);
         }
-        out[2 * n - 2] = in[n - 1];
+        out[2 * n - 2] = at(n - 1, n - 1, 0.5f);
     } else {
-        out[0] = in[0];
+        out[0] = at(0, 0, 0.75f);
         for (int x = 0; x + 1 < n; ++x) {
-            out[2 * x + 1] = 0.75f * in[x] + 0.25f * in[x + 1];
-            out[2 * x + 2] = 0.25f * in[x] + 0.75f * in[x + 1];
+            out[2 * x + 1] = at(x, x + 1, 0.75f);
+            out[2 * x + 2] = at(x + 1, x, 0.75f);
         }
-        out[2 * n - 1] = in[n - 1];
+        out[2 * n - 1] = at(n - 1, n - 1, 0.75f);
     }
 }
 
 }  // namespace
 
-extern const RowKernels kernels = {
-    transfer, symmetric_filter, gradient_products, window_rows, corner_response,
-    peaks,    halve_row,        halve_column,      blend,       stretch_row};
+extern const RowKernels kernels = {transfer,          filter_columns,  blur_row,
+                                   gradient_products, corner_response, peaks,
+                                   halve_columns,     halve_row,       stretch};
 
 }  // namespace facetcam::FACETCAM_ISA

@@ -6,11 +6,10 @@
 namespace facetcam {
 namespace {
 
-constexpr float kWindowGain = 2.0f;  // down the columns: sums of 16 bits are rounded once
-constexpr float kContrast = 0.05f;   // a gradient that is as strong whatever the compression
+constexpr float kContrast = 0.05f;  // a gradient that is as strong whatever the compression
 
-// Gaussian cut at two sigma, whose sum is `total`; the centre first.
-std::vector<float> gaussian(float sigma, double total) {
+// Gaussian cut at two sigma, rounded to taps whose sum is kTapSum; the centre first.
+std::vector<std::int16_t> gaussian(float sigma) {
     const int radius = std::clamp(static_cast<int>(std::lround(2.0f * sigma)), 1, kMaxRadius);
     std::vector<double> weights(radius + 1);
     double sum = 0.0;
@@ -18,23 +17,15 @@ std::vector<float> gaussian(float sigma, double total) {
         weights[i] = std::exp(-0.5 * i * i / (static_cast<double>(sigma) * sigma));
         sum += (i ? 2.0 : 1.0) * weights[i];
     }
-    std::vector<float> taps;
-    for (double weight : weights) taps.push_back(static_cast<float>(total * weight / sum));
+    std::vector<std::int16_t> taps{kTapSum};
+    for (int i = 1; i <= radius; ++i) {
+        taps.push_back(static_cast<std::int16_t>(std::lround(kTapSum * weights[i] / sum)));
+        taps[0] = static_cast<std::int16_t>(taps[0] - 2 * taps[i]);
+    }
     return taps;
 }
 
-// The same in steps of 2^-15. Odd taps make no halves to round, so a negative row has the negative result.
-std::vector<std::int16_t> fixed_point(const std::vector<float>& gaussian) {
-    std::vector<std::int16_t> taps;
-    for (float tap : gaussian)
-        taps.push_back(static_cast<std::int16_t>(static_cast<int>(32767.0f * tap) | 1));
-    return taps;
-}
-
-template <class Taps>
-int radius_of(const Taps& taps) {
-    return static_cast<int>(taps.size()) - 1;
-}
+int radius_of(const std::vector<std::int16_t>& taps) { return static_cast<int>(taps.size()) - 1; }
 
 // The two coarse indices round fine index i and the weight of the first. An even size has its coarse pixels
 // between two fine ones, an odd size on every second (see octaves.hpp).
@@ -71,9 +62,8 @@ ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse
       width_(octaves.grid(octave).width),
       height_(octaves.grid(octave).height),
       whole_(padded(width_)),
-      blur_(fixed_point(gaussian(options.blur_sigma, 1.0))),
-      window_(fixed_point(gaussian(options.window_sigma, kWindowGain))),
-      across_(fixed_point(gaussian(options.window_sigma, 1.0))),
+      blur_(gaussian(options.blur_sigma)),
+      window_(gaussian(options.window_sigma)),
       source_(2 * radius_of(blur_) + 1, width_),
       smooth_(3, width_),
       xx_(2 * radius_of(window_) + 1, width_),
@@ -82,7 +72,6 @@ ResponseRows::ResponseRows(const Octaves& octaves, int octave, const Map* coarse
       windowed_(3, width_),
       column_(1, width_),
       response_(kept + 1, width_),
-      blended_(1, width_),
       stretched_(1, width_) {
     next_response_ = std::max(0, first);
     next_product_ = std::max(0, next_response_ - radius_of(window_));
@@ -107,21 +96,24 @@ void ResponseRows::make_smooth(int y) {
         octaves_.read_source(next_source_, source_[next_source_]);
     const std::int16_t* rows[2 * kMaxRadius + 1];
     for (int i = -radius; i <= radius; ++i) rows[i + radius] = source_row(mirrored(y + i, height_));
-    kernels_.symmetric_filter(rows, blur_.data(), radius, whole_, column_[0]);
+    kernels_.filter_columns(rows, blur_.data(), radius, whole_, column_[0]);
     mirror_ends(column_[0], width_, radius);
-    for (int i = -radius; i <= radius; ++i) rows[i + radius] = column_[0] + i;
-    kernels_.symmetric_filter(rows, blur_.data(), radius, whole_, smooth_[y]);
+    kernels_.blur_row(column_[0], blur_.data(), radius, whole_, smooth_[y]);
     mirror_ends(smooth_[y], width_, 1);
 }
 
 void ResponseRows::make_product(int y) {
     for (; next_smooth_ <= std::min(y + 1, height_ - 1); ++next_smooth_) make_smooth(next_smooth_);
-    // In steps of the values: h = 2 g / sigma, and products of g / (g^2 + c^2)^(1/4) in steps of products.
-    const float c = options_.compression, unit = 0.5f * options_.blur_sigma / kValueUnit;
+    // In steps of blurred values: h = 2 g / sigma, and products of g / (g^2 + c^2)^(1/4) in steps of
+    // products.
+    const float c = options_.compression, unit = 0.5f * options_.blur_sigma / (kBlurredSteps * kValueUnit);
     const float level = std::sqrt((c * c + kContrast * kContrast) / (2.0f * kContrast * kContrast));
     const float floor = std::max(c * c / (unit * unit), 1.0f);
     const float gain = kProductUnit * unit * level;
-    const auto most = static_cast<std::int16_t>(std::min(kLargestStep / (1.035f * gain), 32767.0f));
+    // The largest h with gain h^2 / sqrt(h^2 + floor) <= kLargestStep, as the kernel's root is 3.5 % off.
+    const float bound = kLargestStep / (1.035f * gain), square = bound * bound;
+    const float largest = std::sqrt(0.5f * (square + std::sqrt(square * (square + 4.0f * floor))));
+    const auto most = static_cast<std::int16_t>(std::min(largest, 32767.0f));
     kernels_.gradient_products(smooth_[mirrored(y - 1, height_)], smooth_[y],
                                smooth_[mirrored(y + 1, height_)], gain, floor, most, whole_, xx_[y], xy_[y],
                                yy_[y]);
@@ -134,20 +126,19 @@ void ResponseRows::make_response(int y, float* out) {
     for (int i = 0; i < 3; ++i) {
         const std::int16_t* rows[2 * kMaxRadius + 1];
         for (int j = -radius; j <= radius; ++j) rows[j + radius] = (*products[i])[mirrored(y + j, height_)];
-        kernels_.window_rows(rows, window_.data(), radius, whole_, windowed_[i]);
+        kernels_.filter_columns(rows, window_.data(), radius, whole_, windowed_[i]);
         mirror_ends(windowed_[i], width_, radius);
     }
-    constexpr float kSum = 32768.0f * kWindowGain;  // of the windows across and down
-    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], across_.data(), radius, options_.alpha,
+    constexpr float kSum = kTapSum * kTapSum;  // of the windows across and down
+    kernels_.corner_response(windowed_[0], windowed_[1], windowed_[2], window_.data(), radius, options_.alpha,
                              1.0f / (kSum * kSum), coarse_row(y), options_.coarse_weight, whole_, out);
 }
 
 const float* ResponseRows::coarse_row(int y) {
     if (coarse_) {
         const Neighbours rows = coarse_neighbours(y, height_, coarse_->height);
-        kernels_.blend(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight,
-                       padded(coarse_->width), blended_[0]);
-        kernels_.stretch_row(blended_[0], width_ % 2, coarse_->width, stretched_[0]);
+        kernels_.stretch(coarse_->row(rows.first), coarse_->row(rows.second), rows.weight, width_ % 2,
+                         coarse_->width, stretched_[0]);
     }
     return stretched_[0];  // zeros where there is no coarser scale
 }

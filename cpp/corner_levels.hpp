@@ -53,9 +53,9 @@ class ResponseRows {
     const ResponseOptions& options_;
     const RowKernels& kernels_;
     const int octave_, width_, height_, whole_;
-    const Taps blur_, window_, across_;  // of the window, down the columns and along the rows
+    const Taps blur_, window_;
     Ring<std::int16_t> source_, smooth_, xx_, xy_, yy_, windowed_, column_;
-    Ring<float> response_, blended_, stretched_;
+    Ring<float> response_, stretched_;
     int next_source_, next_smooth_, next_product_, next_response_;
 };
 

@@ -47,28 +47,16 @@ inline Ints pair_products(Words a, Words b) {
         FACETCAM_OP(madd_epi16)(reinterpret_cast<Register>(a), reinterpret_cast<Register>(b)));
 }
 
-// Pairs (a[i], b[i]) of the lower and of the upper half of every 16 bytes; `joined` puts such halves
-// together.
-inline Words lower_pairs(Words a, Words b) {
-    return reinterpret_cast<Words>(
-        FACETCAM_OP(unpacklo_epi16)(reinterpret_cast<Register>(a), reinterpret_cast<Register>(b)));
-}
-
-inline Words upper_pairs(Words a, Words b) {
-    return reinterpret_cast<Words>(
-        FACETCAM_OP(unpackhi_epi16)(reinterpret_cast<Register>(a), reinterpret_cast<Register>(b)));
-}
-
-inline Words joined(Ints lower, Ints upper) {
-    return reinterpret_cast<Words>(
-        FACETCAM_OP(packs_epi32)(reinterpret_cast<Register>(lower), reinterpret_cast<Register>(upper)));
-}
-
 // The pair (first, second) in all places.
 inline Words pairs_of(std::int16_t first, std::int16_t second) {
     const std::uint32_t both = static_cast<std::uint16_t>(first) |
                                static_cast<std::uint32_t>(static_cast<std::uint16_t>(second)) << 16;
     return reinterpret_cast<Words>(Ints{} + static_cast<std::int32_t>(both));
+}
+
+// even[0], odd[0], even[1], odd[1], ... of values that fit 16 bits
+inline Words alternating(Ints even, Ints odd) {
+    return reinterpret_cast<Words>((even & 0xffff) | (odd << 16));
 }
 
 inline Floats as_floats(Ints ints) { return __builtin_convertvector(ints, Floats); }

@@ -7,6 +7,7 @@ namespace facetcam {
 namespace {
 
 constexpr double kMedianValue = 64.0;  // where the median comes to lie before the logarithm
+constexpr double kMiddle = 1.7;        // of all values, above that of the black level
 
 constexpr int kLanes = 4;  // interleaved histograms: runs of equal pixels do not wait for each other
 
@@ -61,11 +62,12 @@ LightLevels measure_light(const ImageView& image, const MaskView& mask) {
 std::vector<std::int16_t> log_table(PixelType type, const LightLevels& light, double eta) {
     const double unit = type == PixelType::u8 ? 1.0 : 257.0;  // one grey step of an 8 bit image
     const double gain = kMedianValue / (light.median - light.black + unit);
-    const double slope = 0.5 * (1.0 + eta / kMedianValue) * kValueUnit;
+    const double slope = 0.5 * (1.0 + eta / kMedianValue);
+    const double middle = slope * std::log(eta / (kMedianValue + eta)) + kMiddle;
     std::vector<std::int16_t> table(type == PixelType::u8 ? 256 : 65536);
     for (std::size_t i = 0; i < table.size(); ++i) {
         const double lit = std::max(gain * (static_cast<double>(i) - light.black), 1.0 - eta) + eta;
-        const double value = slope * std::log(lit / (kMedianValue + eta));
+        const double value = kValueUnit * (slope * std::log(lit / (kMedianValue + eta)) - middle);
         table[i] = static_cast<std::int16_t>(
             std::lround(std::clamp(value, double{-kLargestStep}, double{kLargestStep})));
     }

@@ -21,7 +21,8 @@ struct MaskView {
 LightLevels measure_light(const ImageView& image, const MaskView& mask);
 
 // (1 + eta / 64) / 2 log((64 (grey - black) / (median - black + 1) + eta) / (64 + eta)) for every grey value
-// of the pixel type, in steps of kValueUnit: 0 with slope 1/2 at the median whatever eta.
+// of the pixel type, with slope 1/2 at the median whatever eta. In steps of kValueUnit, of which
+// +-kLargestStep reach from 0.3 below the black level to 3.7 above it.
 std::vector<std::int16_t> log_table(PixelType type, const LightLevels& light, double eta);
 
 }  // namespace facetcam

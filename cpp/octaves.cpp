@@ -122,6 +122,7 @@ void Octaves::build(int octave, int threads) {
     const OctaveGrid fine = grids_[octave - 1], coarse = grids_[octave];
     const bool odd_width = fine.width % 2, odd_height = fine.height % 2;
     const int taps = odd_height ? 5 : 4, lead = odd_height ? 2 : 1;
+    const int shift = (odd_width ? 5 : 3) + (odd_height ? 5 : 3);
     const int whole = padded(coarse.width);
     planes_[octave] = Scratch<std::int16_t>(static_cast<std::size_t>(whole) * coarse.height);
     const int bands = (coarse.height + kBandRows - 1) / kBandRows;
@@ -137,9 +138,9 @@ void Octaves::build(int octave, int threads) {
                 const int source = mirrored(2 * y - lead + i, fine.height);
                 rows[i] = octave == 1 ? ring[source] : row(octave - 1, source);
             }
-            kernels_.halve_column(rows, odd_height, padded(fine.width), sum[0]);
+            kernels_.halve_columns(rows, odd_height, padded(fine.width), sum[0]);
             mirror_ends(sum[0], fine.width, 2);
-            kernels_.halve_row(sum[0], odd_width, coarse.width,
+            kernels_.halve_row(sum[0], odd_width, shift, coarse.width,
                                planes_[octave].data() + static_cast<std::size_t>(y) * whole);
         }
     });

@@ -45,12 +45,6 @@ def test_points_turn_with_the_image(turn: str, mode: str, size: tuple[int, int])
     found = detector.detect(turn_image(image))
     distance = np.linalg.norm(found.xy[:, None] - expected, axis=2)
     assert len(expected) > 50
-    if mode == "robust" and turn == "quarter turn":
-        # Rows and columns are rounded in the other order: a corner at the threshold may come or go.
-        assert abs(len(found) - len(expected)) <= 1
-        assert (distance.min(axis=1) < 0.05).mean() > 0.97
-        assert (distance.min(axis=0) < 0.1).sum() >= len(expected) - 1
-        return
     assert len(found) == len(expected)
     assert distance.min(axis=1).max() < 0.05
     assert distance.min(axis=0).max() < 0.05

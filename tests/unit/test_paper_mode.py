@@ -85,7 +85,9 @@ def test_eta_matters_only_where_it_clips(scene: np.ndarray) -> None:
 def taps(sigma: float) -> np.ndarray:
     radius = max(1, int(np.floor(2 * sigma + 0.5)))
     weights = np.exp(-(np.arange(-radius, radius + 1.0) ** 2) / (2 * sigma**2))
-    return weights / weights.sum()
+    whole = np.rint(32 * weights / weights.sum())  # filters are exact in integers of sum 32
+    whole[radius] += 32 - whole.sum()
+    return whole / 32
 
 
 def smooth(image: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -122,8 +124,11 @@ def test_robust_mode_is_its_transcription(scene: np.ndarray) -> None:
     found = SIICF.create(scales=1, max_features=None, threshold=0.02).detect(scene)
     distance = np.abs(found.xy[:, None] - expected).max(axis=2)
     assert len(found) > 40
-    # The weight of a gradient is good to 3.5 %, which may move a flat peak and changes its height.
-    assert (distance.min(axis=1) <= 0.55).all()
-    nearest = distance.argmin(axis=1)
+    # The weight of a gradient is good to 3.5 %, which decides between equals and changes the height.
+    at = distance.min(axis=1) <= 0.55
+    x, y = np.rint(found.xy[~at]).astype(int).T
+    assert (response[y, x] >= 0.965 * ndimage.maximum_filter(response, 5)[y, x]).all()
+    assert len(found) - at.sum() <= 1
+    nearest = distance.argmin(axis=1)[at]
     assert set(np.flatnonzero(strength > 1.04 * 0.02)) <= set(nearest)
-    assert found.response == pytest.approx(strength[nearest], rel=0.035)
+    assert found.response[at] == pytest.approx(strength[nearest], rel=0.035)

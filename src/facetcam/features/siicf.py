@@ -24,7 +24,7 @@ from facetcam.features.peaks import strongest
 MODES = {"robust": (0.01, 0.02), "paper": (0.04, 500.0)}  # alpha, threshold
 
 _NO_TABLE = np.zeros(0, np.int16)
-_VALUE_UNIT, _LARGEST = 4096.0, 16300.0  # fixed point of cpp/corner_kernels.hpp
+_VALUE_UNIT, _LARGEST, _MIDDLE = 512.0, 1023.0, 1.7  # fixed point of cpp/corner_kernels.hpp and light.cpp
 _LIMITS = {
     "scales": (1, 8),
     "sigma": (0.3, 4.0),
@@ -186,5 +186,6 @@ def _log_of_floats(grey: Image, mask: Mask | None, eta: float) -> Image:
         return np.zeros(grey.shape, np.int16)
     black, median = np.quantile(seen, (0.01, 0.5))
     lit = np.maximum(64.0 * (grey.astype(np.float64) - black) / (median - black + unit), 1.0 - eta) + eta
-    values = _VALUE_UNIT * 0.5 * (1.0 + eta / 64.0) * np.log(lit / (64.0 + eta))
+    slope = 0.5 * (1.0 + eta / 64.0)
+    values = _VALUE_UNIT * (slope * np.log(lit / eta) - _MIDDLE)
     return np.asarray(np.rint(np.clip(values, -_LARGEST, _LARGEST)), np.int16)
