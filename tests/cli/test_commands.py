@@ -36,7 +36,7 @@ class TestTheWhole:
     def test_help_loads_nothing_heavy(self) -> None:
         code = "import sys, facetcam.cli; print(*sys.modules)"
         result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        assert not {"cv2", "av", "scipy", "matplotlib", "pycolmap"} & set(result.stdout.split())
+        assert not {"cv2", "av", "scipy", "matplotlib", "pycolmap", "rich"} & set(result.stdout.split())
 
     def test_version(self, facetcam: Facetcam) -> None:
         assert facetcam("--version").stdout == f"facetcam {__version__}\n"

@@ -26,6 +26,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # plain help: panels and colours would double the time to start
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 maps = typer.Typer(help="Look into saved maps.", no_args_is_help=True)

@@ -54,7 +54,7 @@ def boards(
     ] = None,
     out: OutOption = None,
 ) -> None:
-    """Make calibration boards to print (PDF, PNG) and their boards.yaml."""
+    """Make calibration boards to print (PDF, PNG)."""
     from facetcam.pipelines.boards import make_boards, run_boards
 
     folder = output_folder(out, "boards")

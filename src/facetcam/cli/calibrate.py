@@ -36,7 +36,7 @@ def calibrate(
         Path | None, typer.Option(help="Folder for what was found in photos (default: the user's cache).")
     ] = None,
 ) -> None:
-    """Calibrate a rig from photos of boards: rig.yaml, its uncertainty, and a report."""
+    """Calibrate a rig from photos of boards: rig.yaml and a report."""
     from facetcam.pipelines.calibrate import run_calibration, run_check
 
     folder = output_folder(out, f"{images.resolve().name}-rig")

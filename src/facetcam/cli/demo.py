@@ -16,7 +16,7 @@ def demo(
     out: OutOption = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only the first third of the drive.")] = False,
 ) -> None:
-    """Run the whole line on a small built-in scene, against its truth."""
+    """Run the whole line on a small built-in scene with truth."""
     from facetcam.pipelines.demo import run_demo
 
     result = run_demo(output_folder(out, "demo"), quick=quick, stage=progress_bar)

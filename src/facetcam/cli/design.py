@@ -40,7 +40,7 @@ def design(
     port: Annotated[int, typer.Option(min=1, max=65535, help="Of the page of --live.")] = 8080,
     seed: Annotated[int, typer.Option(min=0, help="Of the search and of the build errors.")] = 0,
 ) -> None:
-    """Draw a mirror rig: what it will see, its best camera, how well it must be built."""
+    """Draw a mirror rig: what it will see and how to build it."""
     from facetcam.pipelines.design import run_design
 
     folder = output_folder(out, Path(spec).stem.replace(":", "-"))

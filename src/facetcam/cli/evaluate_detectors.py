@@ -29,7 +29,7 @@ def detectors(
     form: Annotated[Format, typer.Option("--format", help="How the tables are printed.")] = Format.text,
     out: Annotated[Path | None, typer.Option(help="Folder to make: tables, plots, pictures, a page.")] = None,
 ) -> None:
-    """Repeatability and matching of corner detectors on images with known homographies."""
+    """Compare corner detectors on images with known homographies."""
     from facetcam.pipelines.detectors import run_detectors
 
     with progress_bar("evaluating") as progress:

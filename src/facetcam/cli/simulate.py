@@ -55,7 +55,7 @@ def simulate(
     ] = False,
     max_frames: MaxFramesOption = None,
 ) -> None:
-    """Film a textured scene through a rig's mirrors, with the truth of everything."""
+    """Film a textured scene through a rig's mirrors, with the truth."""
     from facetcam.pipelines.simulate import run_simulate
     from facetcam.pipelines.simulate_inputs import Options
 

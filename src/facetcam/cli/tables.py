@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich import box
-from rich.console import Console
-from rich.table import Table
-
 UNBOUNDED = 10_000  # characters
 
 
 def print_pairs(title: str, rows: Sequence[tuple[str, str]]) -> None:
     """Print names and values; long values, such as paths, are not cut."""
+    # Here, so that help is quick.
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
     table = Table(title=title, box=box.SIMPLE, show_header=False, title_justify="left")
     table.add_column()
     table.add_column()
