@@ -146,15 +146,14 @@ def begin(
     nominal: Rig,
     camera: Camera,
     boards: BoardSet,
-    sightings: Sequence[Sighting],
     views: Sequence[str],
     assignment: Assignment,
     tolerance: Tolerance,
 ) -> Fit:
     """The joint problem of all sightings that have a view, at the rough poses."""
-    used = [i for i in range(len(sightings)) if assignment.view[i] != NO_VIEW]
+    used = np.flatnonzero(assignment.view != NO_VIEW).tolist()
     seen = tuple(v for i, v in enumerate(views) if i in set(assignment.view[used].tolist()))
-    named = [replace(sightings[i], view=views[assignment.view[i]]) for i in used]
+    named = [replace(assignment.sightings[i], view=views[assignment.view[i]]) for i in used]
     station = np.unique(assignment.station[used])
     optics = MirrorOptics.of(nominal, seen, tolerance.tilt, tolerance.shift)
     state = State(

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.calibration.assignment import ViewDepths
 from facetcam.calibration.boards import Board, BoardSet
+from facetcam.calibration.candidates import ViewDepths
 from facetcam.calibration.fit import Fit, looks_of
 from facetcam.calibration.sightings import Sighting
 from facetcam.geometry import se3

@@ -8,7 +8,7 @@ the pose of an object without a direct view?"; Rodrigues, Barreto and Nunes 2010
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -48,7 +48,7 @@ class HandMirror:
         The camera with the distortion found, and the mirror in each of its poses as mirror `pose1`, `pose2`
         ... in the order of the sightings; the rig frame is the camera's, with z up.
     rms : float
-        Pixels.
+        Pixels, of the corners kept.
     fit : Fit
     """
 
@@ -56,6 +56,15 @@ class HandMirror:
     rig: Rig
     rms: float
     fit: Fit
+
+    @property
+    def pose_rms(self) -> Array:
+        """RMS (N,) of the corners kept of each pose of the mirror, pixels; NaN where none is kept."""
+        out = np.full(len(self.fit.sightings), np.nan)
+        for i, (a, b) in enumerate(self.fit.looks.bounds):
+            off = self.fit.residuals[a:b][self.fit.kept[a:b]]
+            out[i] = np.sqrt(np.mean(np.sum(off**2, axis=1))) if len(off) else np.nan
+        return out
 
 
 def solve_hand_mirror(board: Board, sightings: Sequence[Sighting], camera: Camera) -> HandMirror:
@@ -85,6 +94,16 @@ def solve_hand_mirror(board: Board, sightings: Sequence[Sighting], camera: Camer
     seen = [replace(s, photo=0, board=0, view=name) for s, name in zip(mirrored, names)]
     tries = [_adjusted(board, seen, _rig(camera, images, T), camera) for T in _starts(images)]
     fit = min(tries, key=_rms)
+    return _found(fit)
+
+
+def solve_without(found: HandMirror, board: Board, camera: Camera, left_out: Collection[int]) -> HandMirror:
+    """The same from fewer poses of the mirror, starting from what all of them gave."""
+    seen = [s for i, s in enumerate(found.fit.sightings) if i not in left_out]
+    return _found(_adjusted(board, seen, replace(found.rig, camera=camera), camera))
+
+
+def _found(fit: Fit) -> HandMirror:
     T_rig_board = fit.state.T_rig_station[0] @ fit.state.T_station_board[0]
     return HandMirror(se3.inverse(T_RIG_CAM) @ T_rig_board, fit.rig, _rms(fit), fit)
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.fit import Fit, looks_of
+from facetcam.calibration.readings import readings_of
 from facetcam.calibration.result import Finding
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.start import is_mirrored
@@ -51,16 +52,17 @@ def reviewed(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple
         if standing is None:
             strange.append(s)
             continue
-        errors = {
-            v: _error(fit, boards, s, i, *standing)
-            for i, v in enumerate(fit.views)
-            if _may(fit, s, v, boards)
-        }
-        view = min(errors, key=lambda v: errors[v], default=None)
-        if view is None or errors[view] > limit:
+        tries = [
+            replace(way, view=v)
+            for way in readings_of(s, boards)
+            for v in fit.views
+            if _may(fit, way, v, boards)
+        ]
+        errors = [_error(fit, boards, way, *standing) for way in tries]
+        if min(errors, default=np.inf) > limit:
             strange.append(s)
             continue
-        named.append(replace(s, view=view))
+        named.append(tries[int(np.argmin(errors))])
         places.append(standing[0])
         stations.append(standing[1])
     looks = looks_of(named, boards, fit.views, places, stations)
@@ -76,9 +78,9 @@ def _may(fit: Fit, sighting: Sighting, view: str, boards: BoardSet) -> bool:
     return fit.nominal.is_flipped(view) == mirrored
 
 
-def _error(fit: Fit, boards: BoardSet, sighting: Sighting, view: int, place: int, station: int) -> float:
-    """Median distance in pixels between where a sighting is and where one view would show it."""
-    looks = looks_of([replace(sighting, view=fit.views[view])], boards, fit.views, [place], [station])
+def _error(fit: Fit, boards: BoardSet, sighting: Sighting, place: int, station: int) -> float:
+    """Median distance in pixels between where a sighting is and where its view would show it."""
+    looks = looks_of([sighting], boards, fit.views, [place], [station])
     return float(np.median(np.linalg.norm(looks.pixels - fit.state.predict(looks), axis=1)))
 
 

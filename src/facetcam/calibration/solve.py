@@ -101,7 +101,7 @@ def started(rig: Rig, boards: BoardSet, sightings: Sequence[Sighting], tolerance
             "calibration: no board stands where a view of the rig could show it;"
             " check that the rig file belongs to these photos"
         )
-    return begin(rig, camera, boards, whole, views, assignment, tolerance)
+    return begin(rig, camera, boards, views, assignment, tolerance)
 
 
 def settled(fit: Fit) -> Fit:

@@ -14,6 +14,7 @@ from facetcam.cli.tables import print_pairs
 
 if TYPE_CHECKING:
     from facetcam.pipelines.calibrate import Calibrated
+    from facetcam.pipelines.hand_mirror import Placed
 
 
 def calibrate(
@@ -29,6 +30,13 @@ def calibrate(
     check: Annotated[
         bool, typer.Option("--check", help="Only tell what the photos can determine and which to add.")
     ] = False,
+    hand_mirror: Annotated[
+        bool,
+        typer.Option(
+            "--hand-mirror",
+            help="Where a board stands that only a mirror held by hand shows; needs --camera.",
+        ),
+    ] = False,
     holdout: Annotated[
         bool, typer.Option("--holdout/--no-holdout", help="Judge on photos left out, and on halves.")
     ] = True,
@@ -37,9 +45,12 @@ def calibrate(
     ] = None,
 ) -> None:
     """Calibrate a rig from photos of boards: rig.yaml and a report."""
+    folder = output_folder(out, f"{images.resolve().name}-rig")
+    if hand_mirror:
+        _hand_mirror(images, boards, folder, camera, rig, check, cache)
+        return
     from facetcam.pipelines.calibrate import run_calibration, run_check
 
-    folder = output_folder(out, f"{images.resolve().name}-rig")
     if check:
         run = run_check(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=progress_bar)
         for warning in run.warnings:
@@ -54,6 +65,45 @@ def calibrate(
     for finding in result.calibration.findings:
         warn(finding.text)
     print_pairs("calibrate", rows_of(result))
+
+
+def _hand_mirror(
+    images: Path,
+    boards: Path,
+    out: Path,
+    camera: Path | None,
+    rig: Path | None,
+    check: bool,
+    cache: Path | None,
+) -> None:
+    """Place a board that is seen in a moving mirror."""
+    if rig is not None or check:
+        raise typer.BadParameter("takes neither --rig nor --check", param_hint="'--hand-mirror'")
+    if camera is None:
+        hint = "needs --camera: focal length and principal point cannot come from such photos"
+        raise typer.BadParameter(hint, param_hint="'--hand-mirror'")
+    from facetcam.pipelines.hand_mirror import run_hand_mirror
+
+    placed = run_hand_mirror(images, boards, out, camera, cache=cache, stage=progress_bar)
+    for warning in placed.summary.warnings:
+        warn(warning)
+    print_pairs("calibrate", hand_mirror_rows(placed))
+
+
+def hand_mirror_rows(placed: Placed) -> list[tuple[str, str]]:
+    """The board's place in a few lines."""
+    s = placed.summary
+    known = (
+        f"{s.sigma_deg:.3f} degrees, {s.sigma_mm:.2f} mm (one sigma)" if s.sigma_deg == s.sigma_deg else "?"
+    )
+    return [
+        ("poses of the mirror", str(len(s.photos))),
+        ("board", f"{1000 * s.distance:.1f} mm away"),
+        ("known to", known),
+        ("residual", f"{s.rms:.3f} px RMS; each image by itself {s.rms_apart:.3f}"),
+        ("T_cam_board", str(placed.folder / "summary.json")),
+        ("report", str(placed.folder / "report.html")),
+    ]
 
 
 def rows_of(result: Calibrated) -> list[tuple[str, str]]:

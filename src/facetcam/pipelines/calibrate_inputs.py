@@ -60,17 +60,30 @@ def look(
                 f"{camera}: intrinsics are taken up only with a rig as drawn; give it, or leave them out"
             )
         nominal = with_lens(nominal, read_intrinsics(camera))
+    kept, warnings = looked(paths, chosen, out, nominal.size if nominal is not None else None, cache, stage)
+    require_motion(kept)
+    return Seen(tuple(kept), chosen, nominal, warnings)
+
+
+def looked(
+    paths: Sequence[Path],
+    boards: BoardSet,
+    out: Path | str,
+    size: tuple[int, int] | None,
+    cache: Path | str | None,
+    stage: Stage,
+) -> tuple[list[Photo], tuple[str, ...]]:
+    """Photos of a size that belong together, with the boards in them, and why others were left out."""
     remembered = Path(cache) if cache is not None else default_cache()
     with stage("looking for boards") as progress:
         try:
-            photos, unreadable = look_at_photos(paths, chosen, remembered, progress)
+            photos, unreadable = look_at_photos(paths, boards, remembered, progress)
         except KeyboardInterrupt as error:
             error.add_note("what was found so far is kept, the same command goes on from there")
             raise
-    kept, warnings = fit_together(photos, nominal.size if nominal is not None else None)
-    require_boards(kept, chosen, out)
-    require_motion(kept)
-    return Seen(tuple(kept), chosen, nominal, (*unreadable, *warnings))
+    kept, warnings = fit_together(photos, size)
+    require_boards(kept, boards, out)
+    return kept, (*unreadable, *warnings)
 
 
 def with_lens(rig: Rig, lens: Camera) -> Rig:

@@ -26,25 +26,25 @@ _MARGIN = 0.06  # of a panel's size round what it shows
 _MOST_ARROWS = 1200  # a view
 
 
-def residual_fields(calibration: Calibration) -> str:
+def residual_fields(names: Sequence[str], sightings: Sequence[FittedSighting]) -> str:
     """Residual vectors of every view where they are on the sensor, long enough to see."""
-    views = [name for name in calibration.rig.view_names if _of_view(calibration, name)]
-    kept = [f.residuals[f.kept] for f in calibration.sightings]
+    of_view = {name: [f for f in sightings if f.sighting.view == name] for name in names}
+    of_view = {name: fitted for name, fitted in of_view.items() if fitted}
+    kept = [f.residuals[f.kept] for f in sightings]
     lengths = np.linalg.norm(np.concatenate([*kept, np.empty((0, 2))]), axis=1)
     typical = float(np.sqrt(np.mean(lengths**2))) if len(lengths) else 1.0
-    shown = {name: np.concatenate([f.sighting.pixels for f in _of_view(calibration, name)]) for name in views}
+    shown = {name: np.concatenate([f.sighting.pixels for f in fitted]) for name, fitted in of_view.items()}
     figure, panels = panels_of(shown)
     for name, axes in panels.items():
-        fitted = _of_view(calibration, name)
+        fitted = of_view[name]
         at = np.concatenate([f.sighting.pixels[f.kept] for f in fitted])
         off = np.concatenate([f.residuals[f.kept] for f in fitted])
         out = np.concatenate([f.sighting.pixels[~f.kept] for f in fitted])
         longer = 0.022 * float(np.ptp(shown[name], axis=0).max()) / max(typical, 1e-9)
         some = slice(None, None, max(1, len(at) // _MOST_ARROWS))
-        colour = view_colour(calibration.rig.view_names.index(name))
         axes.quiver(
-            *at[some].T, *(longer * off[some]).T, color=colour, angles="xy", scale_units="xy", scale=1.0,
-            units="inches", width=0.011, headwidth=3.5, headlength=4.0,
+            *at[some].T, *(longer * off[some]).T, color=view_colour(names.index(name)), angles="xy",
+            scale_units="xy", scale=1.0, units="inches", width=0.011, headwidth=3.5, headlength=4.0,
         )  # fmt: skip
         axes.plot(*out.T, "x", ms=4.5, mew=1.1, color=ERROR_COLOUR)
         rms = float(np.sqrt(np.mean(np.sum(off**2, axis=1)))) if len(off) else float("nan")

@@ -107,7 +107,7 @@ def drawn(report: CalibrationReport) -> dict[str, str]:
     calibration, validation = report.calibration, report.validation
     found = {"coverage": figures.coverage(calibration)}
     if any(f.kept.any() for f in calibration.sightings):
-        found["residuals"] = figures.residual_fields(calibration)
+        found["residuals"] = figures.residual_fields(calibration.rig.view_names, calibration.sightings)
     if validation is not None and validation.maps:
         found["maps"] = figures.uncertainty_maps(validation.maps, calibration.rig.view_names)
     if len(report.photos) > 1:
