@@ -19,7 +19,7 @@ using Light = nb::ndarray<const float, nb::shape<-1, 2, 3>, nb::c_contig, nb::de
 using HitRows = nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<2>>;
 using Radiance = nb::ndarray<nb::numpy, float, nb::ndim<2>>;
 
-static_assert(sizeof(Triangle) == 40 && sizeof(Material) == 32);
+static_assert(sizeof(Triangle) == 40 && sizeof(Material) == 48);
 
 template <class Row, class Array>
 const Row* rows(const Array& table) {
@@ -41,32 +41,36 @@ auto cast_rays(std::uintptr_t intersect, std::uintptr_t scene, Table<float, 3> o
     return to_numpy<HitRows>(std::move(hits), {count, sizeof(Hit)});
 }
 
+bool fits(const Texture& t, std::size_t texels) {
+    std::size_t end = t.offset;
+    for (int level = 0; level < t.levels; ++level)
+        end += static_cast<std::size_t>(std::max(1, t.width >> level)) * std::max(1, t.height >> level);
+    return t.offset >= 0 && t.width > 0 && t.height > 0 && t.levels > 0 && end <= texels;
+}
+
 // A scene whose tables were found to belong together once, for all frames.
 class TriangleShader {
  public:
     TriangleShader(Rows<Triangle> triangles, Table<float, 2> uv, Rows<Material> materials,
-                   Table<std::uint8_t, 3> texels, std::size_t places)
+                   Table<std::uint8_t, 3> texels, Table<std::uint8_t, 3> tints, std::size_t places)
         : triangles_(rows<Triangle>(triangles), rows<Triangle>(triangles) + triangles.shape(0)),
           uv_(uv.data(), uv.data() + uv.size()),
           materials_(rows<Material>(materials), rows<Material>(materials) + materials.shape(0)),
           texels_(texels),
+          tints_(tints),
           places_(places) {
-        for (const Material& m : materials_) {
-            std::size_t end = m.texture.offset;
-            for (int level = 0; level < m.texture.levels; ++level)
-                end += static_cast<std::size_t>(std::max(1, m.texture.width >> level)) *
-                       std::max(1, m.texture.height >> level);
-            if (m.texture.offset < 0 || m.texture.width < 1 || m.texture.height < 1 || m.texture.levels < 1 ||
-                end > texels.shape(0))
+        for (const Material& m : materials_)
+            if (!fits(m.texture, texels.shape(0)) || !fits(m.glow_texture, texels.shape(0)))
                 throw std::invalid_argument("materials: a texture leaves the texels");
-        }
+        if (tints.shape(0) != 0 && tints.shape(0) != uv.shape(0))
+            throw std::invalid_argument("tints: expected one for each corner, or none");
         const int corners = static_cast<int>(uv.shape(0)), kinds = static_cast<int>(materials_.size());
         for (const Triangle& t : triangles_) {
             const std::size_t steps = t.steps;
-            const bool fits = t.steps == 1 ? std::size_t(corners) <= places
-                                           : t.steps > 1 && t.lattice >= 0 &&
-                                                 t.lattice + (steps + 1) * (steps + 2) / 2 <= places;
-            if (!fits || t.material < 0 || t.material >= kinds ||
+            const bool lit = t.steps == 1 ? std::size_t(corners) <= places
+                                          : t.steps > 1 && t.lattice >= 0 &&
+                                                t.lattice + (steps + 1) * (steps + 2) / 2 <= places;
+            if (!lit || t.material < 0 || t.material >= kinds ||
                 std::any_of(t.corner, t.corner + 3, [&](int c) { return c < 0 || c >= corners; }))
                 throw std::invalid_argument("triangles: a corner, material or place of light is missing");
         }
@@ -82,8 +86,11 @@ class TriangleShader {
         const int known = static_cast<int>(triangles_.size());
         if (std::any_of(hit, hit + count, [&](const Hit& h) { return h.surface >= known; }))
             throw std::invalid_argument("hits: a surface that is not in the scene");
-        const TriangleScene scene = {triangles_.data(), reinterpret_cast<const float (*)[2]>(uv_.data()),
-                                     materials_.data(), rows<std::uint8_t[3]>(texels_),
+        const TriangleScene scene = {triangles_.data(),
+                                     reinterpret_cast<const float (*)[2]>(uv_.data()),
+                                     materials_.data(),
+                                     rows<std::uint8_t[3]>(texels_),
+                                     tints_.shape(0) ? rows<std::uint8_t[3]>(tints_) : nullptr,
                                      reinterpret_cast<const float (*)[2][3]>(light.data())};
         std::vector<float> radiance(3 * count);
         {
@@ -98,7 +105,7 @@ class TriangleShader {
     std::vector<Triangle> triangles_;
     std::vector<float> uv_;
     std::vector<Material> materials_;
-    Table<std::uint8_t, 3> texels_;
+    Table<std::uint8_t, 3> texels_, tints_;
     std::size_t places_;
 };
 
@@ -109,9 +116,10 @@ void bind_triangles(nb::module_& m) {
     m.def("cast_triangles", &cast_rays, "intersect"_a, "scene"_a, "origins"_a.noconvert(),
           "directions"_a.noconvert(), "threads"_a);
     nb::class_<TriangleShader>(m, "TriangleShader")
-        .def(nb::init<Rows<Triangle>, Table<float, 2>, Rows<Material>, Table<std::uint8_t, 3>, std::size_t>(),
+        .def(nb::init<Rows<Triangle>, Table<float, 2>, Rows<Material>, Table<std::uint8_t, 3>,
+                      Table<std::uint8_t, 3>, std::size_t>(),
              "triangles"_a.noconvert(), "uv"_a.noconvert(), "materials"_a.noconvert(), "texels"_a.noconvert(),
-             "places"_a)
+             "tints"_a.noconvert(), "places"_a)
         .def("shade", &TriangleShader::shade, "light"_a.noconvert(), "directions"_a.noconvert(),
              "travelled"_a.noconvert(), "hits"_a.noconvert(), "ray_angle"_a, "threads"_a);
 }

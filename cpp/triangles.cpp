@@ -65,6 +65,14 @@ Vec3 lattice_light(const TriangleScene& scene, const Triangle& t, float u, float
     return at(i + 1, j + 1) * (ax + ay - 1.0f) + at(i, j + 1) * (1.0f - ax) + at(i + 1, j) * (1.0f - ay);
 }
 
+Vec3 tint(const TriangleScene& scene, const Triangle& t, float w, float u, float v) {
+    const auto at = [&](int corner) -> Vec3 {
+        const std::uint8_t* c = scene.tints[t.corner[corner]];
+        return {value(c[0]), value(c[1]), value(c[2])};
+    };
+    return at(0) * w + at(1) * u + at(2) * v;
+}
+
 Vec3 seen(const TriangleScene& scene, const Hit& hit, Vec3 direction, float distance, float ray_angle) {
     const Triangle& t = scene.triangles[hit.surface];
     const Material& m = scene.materials[t.material];
@@ -74,11 +82,14 @@ Vec3 seen(const TriangleScene& scene, const Hit& hit, Vec3 direction, float dist
     const float w = 1.0f - hit.u - hit.v;
     const float *a = scene.uv[t.corner[0]], *b = scene.uv[t.corner[1]], *c = scene.uv[t.corner[2]];
     const float x = w * a[0] + hit.u * b[0] + hit.v * c[0], y = w * a[1] + hit.u * b[1] + hit.v * c[1];
-    const Vec3 paint =
-        trilinear<true>(scene.texels, m.texture, footprint * t.density, x - std::floor(x), y - std::floor(y));
-    Vec3 light = lattice_light(scene, t, hit.u, hit.v, slope < 0.0f ? 0 : 1);
-    light = light + Vec3{m.glow, m.glow, m.glow};
-    return paint * light * Vec3{m.colour[0], m.colour[1], m.colour[2]};
+    const auto picture = [&](const Texture& texture) {
+        const float texels = footprint * t.density * texture.width / m.texture.width;
+        return trilinear<true>(scene.texels, texture, texels, x - std::floor(x), y - std::floor(y));
+    };
+    Vec3 paint = picture(m.texture) * Vec3{m.colour[0], m.colour[1], m.colour[2]};
+    if (scene.tints) paint = paint * tint(scene, t, w, hit.u, hit.v);
+    const Vec3 light = paint * lattice_light(scene, t, hit.u, hit.v, slope < 0.0f ? 0 : 1);
+    return m.glow > 0.0f ? light + picture(m.glow_texture) * m.glow : light;
 }
 
 }  // namespace

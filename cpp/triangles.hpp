@@ -22,7 +22,8 @@ struct Triangle {
 struct Material {
     Texture texture;
     float colour[3];  // reflectance times the texture's
-    float glow;       // light of its own, in units of irradiance
+    float glow;       // light of its own, times that of `glow_texture`; in units of irradiance
+    Texture glow_texture;
 };
 
 struct TriangleScene {
@@ -30,7 +31,8 @@ struct TriangleScene {
     const float (*uv)[2];  // one a corner; the picture repeats
     const Material* materials;
     const std::uint8_t (*texels)[3];
-    const float (*light)[2][3];  // irradiance of a place on the side of the normal, and on the other
+    const std::uint8_t (*tints)[3];  // one a corner, as texels: its reflectance times the picture's; or null
+    const float (*light)[2][3];      // irradiance of a place on the side of the normal, and on the other
 };
 
 // Origins and directions are (N, 3), unit directions; `surface` of a hit is the triangle, u and v its place.

@@ -136,6 +136,7 @@ class TriangleShader:
         uv: NDArray[np.float32],
         materials: NDArray[np.uint8],
         texels: NDArray[np.uint8],
+        tints: NDArray[np.uint8],
         places: int,
     ) -> None: ...
     def shade(

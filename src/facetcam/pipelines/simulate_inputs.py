@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +72,7 @@ class SimulationInputs:
         ]
         what = [
             asdict(self.config),
+            [asdict(lamp) for lamp in self.lamps],
             self.true.digest,
             self.film.poses.tolist(),
             self.fps,
@@ -95,7 +96,10 @@ def read_simulation_inputs(options: Options) -> SimulationInputs:
     scene = read_scene(options.scene, options.scale, options.up)
     lamps = config.light.lamps
     warnings = scene.warnings
-    if lamps is None:
+    if lamps is None and scene.lamps:
+        lamps = by_brightest(scene.lamps)
+        warnings += (f"the settings name no lamps; the scene's own {len(lamps)} shine",)
+    elif lamps is None:
         lamps = hung_lamps(path.poses[:, :3, 3], scene.mesh)
         warnings += (f"the settings name no lamps; {len(lamps)} hang above the path",)
     return SimulationInputs(options, scene.mesh, drawn, true, path, film, fps, config, lamps, warnings)
@@ -129,6 +133,13 @@ def hung_lamps(places: Array, mesh: Mesh) -> tuple[LampSettings, ...]:
         if all(np.linalg.norm(place - other) > LAMP_EVERY / 2 for other in chosen):
             chosen.append(place)
     return tuple(LampSettings((float(x), float(y), float(z))) for x, y, z in chosen)
+
+
+def by_brightest(lamps: tuple[LampSettings, ...]) -> tuple[LampSettings, ...]:
+    """Lamps of a scene, whose candelas say only how they compare, the brightest as bright as one of ours."""
+    most = max(lamp.power for lamp in lamps)
+    factor = LampSettings((0.0, 0.0, 0.0)).power / most if most > 0.0 else 1.0
+    return tuple(replace(lamp, power=lamp.power * factor) for lamp in lamps)
 
 
 def _path(options: Options) -> Drive:

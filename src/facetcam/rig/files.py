@@ -104,6 +104,8 @@ def digest(rig: Rig) -> str:
 def from_document(node: object) -> Rig:
     """Make a rig from the content of its file; raises RigError or ConfigError if it does not fit."""
     sections = _named(node, "rig", lambda name, node: node)
+    if not sections.keys().isdisjoint(("family", "rig")):
+        raise RigError("a drawing, not a rig; run facetcam design on it, and give the rig.yaml it writes")
     for key, content in sections.items():
         _check_range(content, key)
         if key not in _KEYS:

@@ -32,7 +32,15 @@ _TRIANGLE = np.dtype(
         ("steps", np.int32),
     ]
 )
-_MATERIAL = np.dtype([("texture", np.int32, 4), ("colour", np.float32, 3), ("glow", np.float32)])
+_MATERIAL = np.dtype(
+    [
+        ("texture", np.int32, 4),
+        ("colour", np.float32, 3),
+        ("glow", np.float32),
+        ("glow_texture", np.int32, 4),
+    ]
+)
+_NO_TINTS = np.zeros((0, 3), dtype=np.uint8)
 
 
 class MeshRenderer:
@@ -77,13 +85,15 @@ class MeshRenderer:
     def _prepare(self, mesh: Mesh, places: Lattices) -> int:
         """Make the tables of the core; returns how many pictures had to be made coarser."""
         # Pictures live on in the table of texels only.
-        self.mesh = replace(mesh, materials=tuple(replace(m, picture=_NO_PICTURE) for m in mesh.materials))
-        distinct = {id(m.picture): m.picture for m in mesh.materials}
+        bare = tuple(replace(m, picture=_NO_PICTURE, glow_picture=None) for m in mesh.materials)
+        self.mesh = replace(mesh, materials=bare)
+        distinct = {id(picture): picture for m in mesh.materials for picture in m.pictures}
         pictures, coarser = within_memory(list(distinct.values()))
         texels, layout = pack_mipmaps(pictures)
         order = {key: index for index, key in enumerate(distinct)}
         materials = np.zeros(len(mesh.materials), dtype=_MATERIAL)
-        materials["texture"] = layout[[order[id(m.picture)] for m in mesh.materials]]
+        for column, field in enumerate(("texture", "glow_texture")):
+            materials[field] = layout[[order[id(m.pictures[column])] for m in mesh.materials]]
         materials["colour"] = [m.colour for m in mesh.materials]
         materials["glow"] = [m.glow for m in mesh.materials]
         triangles = np.zeros(len(mesh.faces), dtype=_TRIANGLE)
@@ -97,6 +107,7 @@ class MeshRenderer:
             np.ascontiguousarray(mesh.uv, dtype=np.float32),
             materials.view(np.uint8).reshape(-1, _MATERIAL.itemsize),
             texels,
+            _NO_TINTS if mesh.tints is None else mesh.tints,
             len(places.place),
         )
         return coarser

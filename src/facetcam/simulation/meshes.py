@@ -35,6 +35,8 @@ class Material:
         Below this opacity nothing is seen and above it all; None mixes by the opacity.
     glow : float
         Light that it sends out by itself, in units of irradiance.
+    glow_picture : (H, W, 3) uint8 array, optional
+        Where and in which colour it glows; `picture` by default.
     """
 
     picture: Picture
@@ -42,6 +44,12 @@ class Material:
     alpha: NDArray[np.uint8] | None = None
     cutoff: float | None = None
     glow: float = 0.0
+    glow_picture: Picture | None = None
+
+    @property
+    def pictures(self) -> tuple[Picture, Picture]:
+        """What reflects, and what glows."""
+        return self.picture, self.picture if self.glow_picture is None else self.glow_picture
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +68,8 @@ class Mesh:
     material : (T,) int32 array
         Index into `materials`.
     materials : tuple of Material
+    tints : (V, 3) uint8 array, optional
+        Colours that pictures are multiplied with, as square roots of linear shares; None for white.
     """
 
     vertices: Array32
@@ -68,6 +78,7 @@ class Mesh:
     uv: Array32
     material: NDArray[np.int32]
     materials: tuple[Material, ...]
+    tints: NDArray[np.uint8] | None = None
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -105,6 +116,16 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
         np.concatenate([m.uv for m in meshes]).astype(np.float32),
         np.concatenate([m.material + first for m, first in zip(meshes, kinds)]).astype(np.int32),
         tuple(material for m in meshes for material in m.materials),
+        _joined_tints(meshes),
+    )
+
+
+def _joined_tints(meshes: Sequence[Mesh]) -> NDArray[np.uint8] | None:
+    if all(mesh.tints is None for mesh in meshes):
+        return None
+    white = np.full(3, 255, dtype=np.uint8)
+    return np.concatenate(
+        [np.broadcast_to(white, m.vertices.shape) if m.tints is None else m.tints for m in meshes]
     )
 
 

@@ -2,31 +2,31 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.errors import FacetcamError, SourceError
+from facetcam.simulation import gltf
 from facetcam.simulation.meshes import Material, Mesh, joined
+from facetcam.simulation.scene_materials import material_of, tints_of
+from facetcam.simulation.settings import LampSettings
 
-GREY = (200, 200, 200)
 MILLIMETRES = 500.0  # a scene longer than so many metres is taken for one in millimetres
 SMALLEST = 0.05  # metres; below, a scene is no room
 
 
 @dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A scene as read, and what was not as it should be."""
+    """A scene as read, its own lamps, and what was not as it should be."""
 
     mesh: Mesh
     warnings: tuple[str, ...]
+    lamps: tuple[LampSettings, ...] = ()
 
 
 def read_scene(path: Path, scale: float | None = None, up: str = "z") -> SceneFile:
@@ -48,38 +48,55 @@ def read_scene(path: Path, scale: float | None = None, up: str = "z") -> SceneFi
     FacetcamError
         If trimesh is not installed, or the scene is larger than memory is meant for.
     """
-    warnings = _absent_pictures(path)
+    loaded = _load(path)
+    content = gltf.header(path)
     meshes, plain = [], 0
     cache: dict[object, Any] = {}
-    loaded = _load(path)
     for node in loaded.graph.nodes_geometry:
         T, name = loaded.graph[node]
         geometry = loaded.geometry[name]
         if not len(getattr(geometry, "faces", ())):
             continue
-        material = _material(geometry.visual, cache)
-        plain += material.picture.size == 3
-        meshes.append(_mesh(geometry, np.asarray(T, dtype=np.float64), material))
+        material, tints = material_of(geometry.visual, cache), tints_of(geometry.visual, bool(content))
+        plain += material.picture.size == 3 and tints is None
+        meshes.append(replace(_mesh(geometry, np.asarray(T, dtype=np.float64), material), tints=tints))
     if not meshes:
         raise SourceError(f"{path}: no triangle in the scene; export it with its meshes")
+    lamps, warnings = gltf.lamps(content, loaded.graph)
+    warnings = [*gltf.absent_pictures(content, path.parent), *gltf.left_out(content), *warnings]
     if plain:
-        warnings.append(
-            f"{path.name}: {plain} of {len(meshes)} meshes have no texture; shown in a flat colour"
-        )
+        warnings.append(f"{plain} of {len(meshes)} meshes have no texture; shown in a flat colour")
     mesh = joined(meshes)
     if not np.isfinite(mesh.vertices).all():
         raise SourceError(f"{path}: a corner is not finite; export the scene again")
     mesh = mesh.turned_up() if up == "y" else mesh
+    factor, words = _metres_a_unit(path, mesh, scale)
+    mesh = mesh.scaled(factor) if factor != 1.0 else mesh
+    placed = tuple(_placed(lamp, factor, up) for lamp in lamps)
+    return SceneFile(mesh, tuple(f"{path.name}: {text}" for text in warnings + words), placed)
+
+
+def _metres_a_unit(path: Path, mesh: Mesh, scale: float | None) -> tuple[float, list[str]]:
+    """Metres a unit of the file, and what is said of it."""
     low, high = mesh.bounds
     length = float(np.max(high - low))
     factor = scale if scale is not None else (1e-3 if length > MILLIMETRES else 1.0)
-    if scale is None and factor != 1.0:
-        warnings.append(
-            f"{path.name}: {length:g} units long, so they are taken for millimetres; --scale 1 keeps metres"
-        )
     if not 0.0 < factor < np.inf or length * factor < SMALLEST:
         raise SourceError(f"{path}: {length * factor:g} m long is no room; give --scale, metres a unit")
-    return SceneFile(mesh.scaled(factor) if factor != 1.0 else mesh, tuple(warnings))
+    if scale is not None or factor == 1.0:
+        return factor, []
+    return factor, [f"{length:g} units long, so they are taken for millimetres; --scale 1 keeps metres"]
+
+
+def _placed(lamp: LampSettings, factor: float, up: str) -> LampSettings:
+    """A lamp in metres, z up, as the mesh."""
+
+    def turned(x: float, y: float, z: float) -> tuple[float, float, float]:
+        return (x, -z, y) if up == "y" else (x, y, z)
+
+    x, y, z = turned(*lamp.position)
+    facing = None if lamp.facing is None else turned(*lamp.facing)
+    return replace(lamp, position=(factor * x, factor * y, factor * z), facing=facing)
 
 
 def _load(path: Path) -> Any:
@@ -95,24 +112,6 @@ def _load(path: Path) -> Any:
     except Exception as error:  # whatever a broken file makes the reader raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise SourceError(f"{path}: not a usable scene ({reason})") from error
-
-
-def _absent_pictures(path: Path) -> list[str]:
-    """Pictures that a `.gltf` names and that are not there."""
-    if path.suffix.lower() != ".gltf":
-        return []
-    try:
-        images = json.loads(path.read_text(encoding="utf-8")).get("images", [])
-    except (OSError, ValueError, AttributeError):
-        return []  # said by the reader
-    names = [str(image.get("uri", "")) for image in images]
-    absent = [
-        n for n in names if n and not n.startswith("data:") and not (path.parent / unquote(n)).is_file()
-    ]
-    if not absent:
-        return []
-    more = f" and {len(absent) - 1} more" if len(absent) > 1 else ""
-    return [f"{path.name}: texture {absent[0]}{more} is missing; shown in a flat colour"]
 
 
 def _mesh(geometry: Any, T: NDArray[np.float64], material: Material) -> Mesh:
@@ -133,51 +132,3 @@ def _mesh(geometry: Any, T: NDArray[np.float64], material: Material) -> Mesh:
         np.zeros(len(faces), dtype=np.int32),
         (material,),
     )
-
-
-def _material(visual: Any, cache: dict[object, Any]) -> Material:
-    """The material of a trimesh visual; each one and its picture are made once."""
-    source = getattr(visual, "material", None)
-    if source is None:  # colours of vertices or faces
-        colour = np.asarray(getattr(visual, "main_color", (*GREY, 255)))[:3]
-        return Material(np.full((1, 1, 3), colour, dtype=np.uint8))
-    if id(source) not in cache:
-        material = _painted(source)
-        # Copies of a piece of furniture bring copies of its picture.
-        key = hashlib.sha256(material.picture.tobytes()).digest(), material.picture.shape
-        cache[id(source)] = replace(material, picture=cache.setdefault(key, material.picture))
-    made: Material = cache[id(source)]
-    return made
-
-
-def _painted(source: Any) -> Material:
-    image = getattr(source, "baseColorTexture", None)
-    image = getattr(source, "image", None) if image is None else image
-    factor = getattr(source, "baseColorFactor", None)
-    factor = getattr(source, "diffuse", None) if factor is None and image is None else factor
-    colour = np.ones(4) if factor is None else _unit(factor)
-    emissive = getattr(source, "emissiveFactor", None)
-    glow = 0.0 if emissive is None else float(np.mean(_unit(emissive)[:3]))
-    mode = str(getattr(source, "alphaMode", None) or "OPAQUE").upper()
-    if image is None:
-        opacity = np.full((1, 1), round(255 * colour[3]), dtype=np.uint8)
-        if factor is None:
-            picture = np.full((1, 1, 3), GREY, dtype=np.uint8)
-        else:  # trimesh keeps colours as bytes; they are linear in glTF, our pictures are roots
-            picture = np.rint(255 * np.sqrt(colour[:3])).astype(np.uint8).reshape(1, 1, 3)
-        colour = np.ones(4)
-    else:
-        rgba = np.asarray(image.convert("RGBA"))
-        picture = np.ascontiguousarray(rgba[..., :3])
-        opacity = np.rint(rgba[..., 3] * colour[3]).astype(np.uint8)
-    clear = mode != "OPAQUE" and bool((opacity < 255).any())
-    cutoff = float(getattr(source, "alphaCutoff", None) or 0.5) if mode == "MASK" else None
-    r, g, b = (float(c) for c in colour[:3])
-    return Material(picture, (r, g, b), opacity if clear else None, cutoff, glow)
-
-
-def _unit(colour: Any) -> NDArray[np.float64]:
-    """A colour of bytes or shares as shares, with opacity."""
-    values = np.asarray(colour)
-    shares = values / 255.0 if values.dtype == np.uint8 or values.max() > 1 else values.astype(np.float64)
-    return np.append(shares, np.ones(4))[:4] if len(shares) < 4 else shares[:4]
