@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command import Facetcam, only_line
 
@@ -18,3 +20,25 @@ def test_the_rig_as_drawn_does_not_fit_the_film(
     assert "does not fit this film" in only_line(done)
     assert len((out / "states.csv").read_text().splitlines()) <= 51  # a header and the first five seconds
     assert "does not fit this film" in (out / "summary.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("factors", "complaint"),
+    [((3.28, 3.28, 1.0), "x and y are in metres"), ((1.0, -1.0, -1.0), "the other way")],
+    ids=["feet", "mirrored"],
+)
+def test_odometry_that_tells_nonsense_is_not_used(
+    facetcam: Facetcam, shared_data: Path, tmp_path: Path, factors: tuple[float, ...], complaint: str
+) -> None:
+    house, out, wheels = shared_data / "house", tmp_path / "run", tmp_path / "wheels.csv"
+    rows = np.loadtxt(house / "loop_odometry.csv", delimiter=",", skiprows=1) * [1.0, *factors]
+    np.savetxt(wheels, rows, "%.6f", ",", header="timestamp,x,y,yaw", comments="")
+    rig, truth = house / "rig_true.yaml", house / "loop.tum"
+    arguments = ["--odometry", wheels, "--truth", truth, "--max-frames", 120, "--out", out]
+    assert facetcam("slam", house / "loop.mp4", "--rig", rig, *arguments).exit_code == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert any("odometry not used" in text and complaint in text for text in summary["warnings"])
+    assert summary["metric"]
+    # By sight alone: 0.04 cm, and a scale within 0.4 %, at one standard deviation of 0.4 %.
+    assert summary["errors"]["ate_scaled"]["rmse"] < 0.001
+    assert abs(summary["errors"]["scale_error"]) < 0.013

@@ -186,6 +186,17 @@ def test_wheels_carry_a_rig_through_a_blackout(shot: Shot) -> None:
     assert errors.ate.max < 0.05
 
 
+@pytest.mark.parametrize("factors", [(0.0, 0.0, 0.0), (1000.0, 1000.0, 1.0)], ids=["standing", "mm"])
+def test_wheels_that_tell_nonsense_do_no_harm(
+    shot: Shot, by_sight: Run, factors: tuple[float, float, float]
+) -> None:
+    result = run(shot, shot.wheels * factors)
+    assert statuses(result)[-20:] == [Status.TRACKING] * 20
+    alone, errors = by_sight.errors(shot.drive), result.errors(shot.drive)
+    assert errors.ate_scaled.rmse < 1.5 * alone.ate_scaled.rmse
+    assert errors.ate.rmse < 1.5 * alone.ate.rmse
+
+
 def test_a_young_map_that_stays_lost_is_given_up(shot: Shot) -> None:
     black = np.zeros_like(shot.images[0])
     slam = Slam(shot.rig)

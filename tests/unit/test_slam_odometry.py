@@ -30,13 +30,13 @@ def poses_of(rows: Array) -> Array:
     return np.array([planar_pose(row) for row in rows])
 
 
-def judged(wheels: Array, frames: int = 150) -> OdometryCheck:
+def judged(wheels: Array, frames: int = 150, metric: bool = False) -> OdometryCheck:
     """The check after a drive at 10 frames/s, with 2 mrad of noise in the poses."""
     times = np.arange(frames) / 10
     rng = np.random.default_rng(5)
     check = OdometryCheck()
     for t, T, row in zip(times, poses_of(drive(times)), wheels):
-        check.offer(t, T @ se3.exp([0, 0, rng.normal(0, 0.002), 0, 0, 0]), row)
+        check.offer(t, T @ se3.exp([0, 0, rng.normal(0, 0.002), 0, 0, 0]), row, metric)
     return check
 
 
@@ -83,6 +83,35 @@ def test_foreign_wheels_are_refused(wheels: Array, complaint: str) -> None:
     assert complaint in seen.complaint
 
 
+@pytest.mark.parametrize(("metric", "factor"), [(False, 1000.0), (False, 0.01), (True, 3.28)])
+def test_a_wrong_unit_of_length_is_refused(metric: bool, factor: float) -> None:
+    check = judged(drive(TIMES) * [factor, factor, 1.0], metric=metric)
+    assert "x and y are in metres" in check.complaint
+    assert float(check.complaint.split()[2]) == pytest.approx(factor, rel=0.1)  # "it goes 3.28 times ..."
+
+
+@pytest.mark.parametrize("wheels", [drive(TIMES) * [-1, -1, 1], drive(TIMES)[:, [1, 0, 2]] * [-1, 1, 1]])
+def test_another_way_is_refused(wheels: Array) -> None:
+    """Backwards, and sideways."""
+    assert "another way than the film" in judged(wheels).complaint
+
+
+def test_slip_and_jumps_make_no_wrong_unit() -> None:
+    steps = np.diff(drive(TIMES), axis=0)
+    steps[40:70, :2] *= 3.0
+    steps[90, :2] += 3.0
+    assert not judged(np.vstack([np.zeros(3), np.cumsum(steps, axis=0)]), metric=True).complaint
+
+
+def test_of_a_foreign_drive_nothing_is_believed() -> None:
+    """Steps of it that agree do so by chance."""
+    true = drive(np.arange(0, 20, 0.5))
+    foreign = drive(np.arange(40, 60, 0.5)) * [1.0, 1.0, -1.0]
+    assert not believable(foreign, poses_of(true), sigma=0.3).any()
+    assert not believable(true * [1000.0, 1000.0, 1.0], poses_of(true), sigma=0.3).any()
+    assert not believable(np.zeros_like(true), poses_of(true), sigma=0.3).any()
+
+
 def _slowly(wheels: Array) -> OdometryCheck:
     """A drive of gentle turns, so that degrees do not run over half a turn between frames."""
     check = OdometryCheck()
@@ -125,6 +154,16 @@ def test_images_correct_the_turn_of_the_wheels_and_keep_their_length() -> None:
     turn = se3.log(se3.inverse(true) @ motion)[:3]
     assert np.degrees(np.linalg.norm(turn)) < 0.2
     assert np.linalg.norm(motion[:3, 3]) == pytest.approx(np.linalg.norm(true[:3, 3]), rel=0.25)
+
+
+@pytest.mark.parametrize("wheels", [(0.3, 0.05, -0.4), (0.1, 0.02, 0.1), (1.0, 0.15, 0.1)])
+def test_images_that_see_quite_another_motion_deny_the_wheels(wheels: tuple[float, float, float]) -> None:
+    """Turned the other way, a third of the way, three times the way."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(10)
+    true, _ = planar_motion(np.zeros(3), np.array([0.3, 0.05, 0.1]), 0.3)
+    pairs = spoiled(true_pairs(optics, true, rng, 800), optics, rng, 0.15, 0.3)
+    measured, _ = planar_motion(np.zeros(3), np.array(wheels), 0.3)
+    assert confirmed_motion(pairs, measured, optics) is None
 
 
 def test_pairs_that_fit_no_motion_deny_the_wheels() -> None:

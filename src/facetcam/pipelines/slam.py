@@ -9,7 +9,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
-from facetcam.errors import RigError, SourceError
+from facetcam.errors import RigError
 from facetcam.io.frames import Frame
 from facetcam.io.outputs import fresh_folder, require_absent
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
@@ -119,10 +119,8 @@ def require_fit(slam: Slam, state: State) -> None:
 
 
 def in_step(slam: Slam, inputs: SlamInputs) -> SlamInputs:
-    """Bring the odometry to the film's clock once its offset is known; SourceError if it is foreign."""
+    """Bring the odometry to the film's clock once its offset is known."""
     check = slam.odometry_check
-    if check.complaint:
-        raise SourceError(f"odometry: {check.complaint}")
     if check.offset is None or inputs.odometry_offset:
         return inputs
     inputs = inputs.with_odometry_offset(check.offset)

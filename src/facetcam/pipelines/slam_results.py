@@ -116,6 +116,8 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
         side = "ahead of" if inputs.odometry_offset > 0 else "behind"
         seconds = abs(inputs.odometry_offset)
         found.append(f"the odometry's clock is {seconds:.2f} s {side} the film's; corrected")
+    if slam.odometry_check.complaint:
+        found.append(f"odometry not used: {slam.odometry_check.complaint}")
     return found
 
 

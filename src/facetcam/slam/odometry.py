@@ -17,8 +17,12 @@ _FLOOR_METRES = 0.005
 _FLOOR_RADIANS = 0.01
 _UNLEVEL_RADIANS = 0.1  # a ramp or a bump between two keyframes
 _STANDING = 0.03  # metres; shorter ways say nothing about slip
+_JITTER = 0.015  # metres by which they may differ in any case
 _SLIP = 0.5  # share of a way by which wheels and images may differ
 _TURN_SIGMAS = 4.0
+_TURNING = 0.05  # radians between two frames
+_BORNE_OUT = 0.5  # share of the steps that must agree, else none is believed
+_MOST_OFF = 10.0  # factor between the wheels' metre and the map's
 
 
 def checked_odometry(odometry: ArrayLike | None) -> Array | None:
@@ -67,7 +71,7 @@ def believable(odometry: Array, T_world_rig: Array, sigma: float) -> NDArray[np.
 
     Wheels slip, are blocked or lifted, and their tables jump. A step is believed where it turns as the images
     say, and is as long as they say but for a factor that all steps share: neither the wheels' metre nor the
-    map's is proven.
+    map's is proven. Where most steps are denied, the few that agree do so by chance, and none is believed.
 
     Parameters
     ----------
@@ -91,7 +95,12 @@ def believable(odometry: Array, T_world_rig: Array, sigma: float) -> NDArray[np.
     rolling = turns & (np.minimum(length, seen_length) > _STANDING)
     usual = float(np.median(length[rolling] / seen_length[rolling])) if rolling.any() else 1.0
     difference = np.linalg.norm(way - usual * seen_way, axis=1)
-    return np.asarray(turns & (difference < _SLIP * np.maximum(length, usual * seen_length) + _STANDING))
+    longest = np.maximum(length, usual * seen_length)
+    agrees = turns & (difference < _SLIP * longest + _JITTER)
+    telling = (longest > _STANDING) | (np.maximum(np.abs(turn), np.abs(seen_turn)) > _TURNING)
+    borne_out = not telling.any() or float(agrees[telling].mean()) >= _BORNE_OUT
+    one_metre = 1.0 / _MOST_OFF < usual < _MOST_OFF
+    return np.asarray(agrees & (borne_out and one_metre))
 
 
 def _ways(odometry: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Whether wheel odometry turns as the film does: its clock, its unit, its sign."""
+"""Whether wheel odometry turns and goes as the film does: its clock, its units, its sign."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
+from facetcam.slam.odometry import planar_motion
 
 Array = NDArray[np.float64]
 
@@ -25,11 +26,16 @@ _LIKENESS = 0.9  # correlation that shows two courses to be the same but for the
 _TOLERABLE = 0.5
 _TURNING = 0.01  # radians between two frames
 _LEAST_SHARED = 0.5
+_UNPROVEN = 20.0  # factor by which a map whose scale is a guess may differ
+_STEP = 1e-3  # metres; what seems shorter is noise
+_SAME_WAY = 0.5  # cosine
 _UNLIKE_TURN = 2.0  # radians after which courses that differ belong to different drives
 
 
 class OdometryCheck:
     """Compares turns of the wheels with turns seen, which need no scale, over a range of clock offsets.
+
+    Ways are compared too: their direction, and their length, closely where the images prove the scale.
 
     Attributes
     ----------
@@ -46,9 +52,14 @@ class OdometryCheck:
         self._spans: list[tuple[float, float]] = []
         self._turns: list[float] = []
         self._rows: list[tuple[float, float]] = []
+        self._lengths: list[float] = []  # of the wheels over those seen
+        self._directions: list[float] = []  # cosines between the ways of both
+        self._last_row: Array | None = None
 
-    def offer(self, timestamp: float, T_world_rig: Array | None, odometry: Array | None) -> None:
-        """Take the pose of the next frame as the images have it, and its odometry."""
+    def offer(
+        self, timestamp: float, T_world_rig: Array | None, odometry: Array | None, metric: bool = False
+    ) -> None:
+        """Take the next frame: its pose by the images, whether their scale is proven, and its odometry."""
         if self.offset is not None or self.complaint:
             return
         if odometry is not None:
@@ -56,12 +67,36 @@ class OdometryCheck:
         if T_world_rig is not None and self._last is not None and odometry is not None:
             then, T_last = self._last
             self._spans.append((then, timestamp))
-            self._turns.append(float(se3.log(se3.inverse(T_last) @ T_world_rig)[2]))
+            T_step = se3.inverse(T_last) @ T_world_rig
+            self._turns.append(float(se3.log(T_step)[2]))
+            self._compare_ways(T_step[:3, 3], odometry)
             if len(self._turns) >= _MIN_STEPS and len(self._turns) % _EVERY == 0:
-                self._look()
+                self._judge_turns()
+                if self.offset is None and not self.complaint:
+                    self._judge_ways(metric)
         self._last = None if T_world_rig is None else (timestamp, T_world_rig.copy())
+        self._last_row = odometry
 
-    def _look(self) -> None:
+    def _compare_ways(self, seen: Array, odometry: Array) -> None:
+        if self._last_row is None:
+            return
+        way = planar_motion(self._last_row, odometry, 0.0)[0][:3, 3]
+        length, seen_length = float(np.linalg.norm(way)), float(np.linalg.norm(seen))
+        if length > 0.0 and seen_length > _STEP:
+            self._lengths.append(length / seen_length)
+            self._directions.append(float(way @ seen) / (length * seen_length))
+
+    def _judge_ways(self, metric: bool) -> None:
+        """Name a wrong unit or direction; the median of all steps knows neither slip nor jumps."""
+        if len(self._lengths) < _MIN_STEPS:
+            return
+        factor, most = float(np.median(self._lengths)), 1.0 / _TOLERABLE if metric else _UNPROVEN
+        if not 1.0 / most < factor < most:
+            self.complaint = f"it goes {factor:.3g} times as far as the film; x and y are in metres"
+        elif float(np.median(self._directions)) < _SAME_WAY:
+            self.complaint = "it goes another way than the film; x is ahead, y to the left, at yaw 0"
+
+    def _judge_turns(self) -> None:
         seen = np.array(self._turns)
         total = float(np.abs(seen).sum())
         if total < _MIN_TURN:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeGuard
 
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 
 _MAX_WAITING = 40
 _IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
+_FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
 
 
@@ -87,24 +89,27 @@ class Starter:
         while len(self._waiting) > 1:
             first = self._waiting[0]
             pairs = match_corners(self._corners(first.frame), self._corners(frame), self._config)
-            T_first_new = self._motion(first, new, pairs)
-            start = None if T_first_new is None else self._first_map(first, new, T_first_new)
-            if start is not None:
-                return start
+            for T_first_new in self._motions(first, new, pairs):
+                start = self._first_map(first, new, T_first_new)
+                if start is not None:
+                    return start
             in_sight = len(pairs) >= max(MIN_MATCHES, _IN_SIGHT * len(self._corners(first.frame)))
             if in_sight and len(self._waiting) <= _MAX_WAITING:
                 break
             self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]
         return None
 
-    def _motion(self, first: Waiting, new: Waiting, pairs: Pairs) -> Array | None:
-        if first.odometry is None or new.odometry is None:
-            return estimate_motion(pairs, self._optics)
-        T = confirmed_motion(pairs, planar_motion(first.odometry, new.odometry, 0.0)[0], self._optics)
-        if T is None:
-            return None
-        a, b = self._corners(first.frame), self._corners(new.frame)
-        return T if enough_parallax(a, b, T, self._optics, self._config) else None
+    def _motions(self, first: Waiting, new: Waiting, pairs: Pairs) -> Iterator[Array]:
+        """Motions with which a map may start: that of the wheels, then that of the images alone."""
+        if first.odometry is not None and new.odometry is not None:
+            wheels = planar_motion(first.odometry, new.odometry, 0.0)[0]
+            T = confirmed_motion(pairs, wheels, self._optics)
+            a, b = self._corners(first.frame), self._corners(new.frame)
+            if T is not None and enough_parallax(a, b, T, self._optics, self._config):
+                yield T
+        seen = estimate_motion(pairs, self._optics)
+        if seen is not None:
+            yield seen
 
     def _first_map(self, first: Waiting, new: Waiting, T_first_new: Array) -> Start | None:
         """Make two keyframes and try the map on the frames between them; forget it where it fails."""
@@ -114,7 +119,7 @@ class Starter:
             new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE
         )
         solved, share = self._between(a, b)
-        if self._map.points.alive.sum() < MIN_MATCHES // 2 or share < _LEAST_CLEAR:
+        if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
         solved += self._before(a)
@@ -122,6 +127,11 @@ class Starter:
         T_step = se3.inverse(_interpolated(a, b, before)) @ b.T_world_rig
         self._waiting, self._passed = [], []
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
+
+    def _too_few_or_far(self, a: Keyframe) -> bool:
+        xyz = self._map.points.xyz[self._map.points.alive]
+        distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
+        return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
 
     def _between(self, a: Keyframe, b: Keyframe) -> tuple[list[tuple[float, Array]], float]:
         """Poses of the frames between the first keyframes, and the share of these frames that fit."""

@@ -57,7 +57,8 @@ class Slam:
     rig_refinement : RigRefinement or None
         How `finish` moved the rig's numbers, with `SlamConfig.refine_rig`; `rig` is the refined one then.
     odometry_check : OdometryCheck
-        Whether odometry and the film belong together, and on one clock.
+        Whether odometry and the film belong together, and on one clock. Odometry with a complaint is used no
+        more, and what it brought into the map is taken out.
     dropped : int
         Frames dropped to keep up with real time.
     timing : dict of str to list of float
@@ -126,7 +127,7 @@ class Slam:
         with self._calls:
             self._mapping.check()
             self._require_later(timestamp)
-            wheels = checked_odometry(odometry)
+            wheels = None if self.odometry_check.complaint else checked_odometry(odometry)
             with self._timed("frame"):
                 frame = make_frame(image, timestamp, self.rig.size)
             self._last_timestamp = timestamp
@@ -138,8 +139,16 @@ class Slam:
             state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
             self._odometry = wheels
             tracked = state.T_world_rig if state.status is Status.TRACKING else None
-            self.odometry_check.offer(timestamp, tracked, wheels)
+            self.odometry_check.offer(timestamp, tracked, wheels, self.metric)
+            if wheels is not None and self.odometry_check.complaint:
+                self._refuse_odometry()
             return state
+
+    def _refuse_odometry(self) -> None:
+        """Go on by sight alone, and take out of the map what the wheels brought into it."""
+        self._give_odometry(lambda _: None)
+        if not self._localise_only:
+            self._mapping.run(lambda: self._grower.adjust_all(last=True))
 
     def _check_rig(self, frame: Frame) -> None:
         with self._timed("check"):
@@ -276,11 +285,14 @@ class Slam:
             x, y, yaw at a time, or None.
         """
         with self._calls:
-            self._mapping.wait()
-            for keyframe in self._map.keyframes:
-                if keyframe.session == self._parts.mapper.session:
-                    keyframe.odometry = checked_odometry(at(keyframe.timestamp))
-            self._odometry = None
+            self._give_odometry(at)
+
+    def _give_odometry(self, at: Callable[[float], ArrayLike | None]) -> None:
+        self._mapping.wait()
+        for keyframe in self._map.keyframes:
+            if keyframe.session == self._parts.mapper.session:
+                keyframe.odometry = checked_odometry(at(keyframe.timestamp))
+        self._odometry = None
 
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""

@@ -37,6 +37,8 @@ _MIN_VIEW_MATCHES = 20
 _STANDING = 1e-4  # metres
 _MIN_CONFIRMING = 40  # pairs
 _CONFIRMING = 0.6  # share of them
+_MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
+_MOST_STRETCHED = 2.0  # factor of its length
 
 
 @dataclass(slots=True)
@@ -142,7 +144,15 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
     on_the_spot = se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
     proposals = [_polished(T, pairs, optics) for T in (T_a_b, on_the_spot)]
     shares = [float(np.mean(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE)) for T in proposals]
-    return proposals[int(np.argmax(shares))] if max(shares) > _CONFIRMING else None
+    best = proposals[int(np.argmax(shares))]
+    return best if max(shares) > _CONFIRMING and _much_alike(best, T_a_b) else None
+
+
+def _much_alike(T: Array, T_measured: Array) -> bool:
+    """False where the images would correct a motion so far that they rather deny it."""
+    turned = float(np.linalg.norm(se3.log(se3.inverse(T_measured) @ T)[:3]))
+    stretched = float(np.linalg.norm(T[:3, 3]) / np.linalg.norm(T_measured[:3, 3]))
+    return turned < _MOST_TURNED and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED
 
 
 def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:
