@@ -1,4 +1,4 @@
-"""Saved maps: another film localised in one, starts anywhere and turned, and recovery after a blackout."""
+"""Saved maps: another film localised in one, and starts anywhere in it, turned."""
 
 from __future__ import annotations
 
@@ -25,8 +25,6 @@ Image = NDArray[np.uint8]
 
 STARTS = 10
 TRIES = 10  # frames in which a start must succeed
-DARK = 10  # frames
-LENGTH = 170  # frames of the film with a blackout
 SOURCES = (0, -15, 15, -30, 30, -45, 45)  # frames that lend their pixels to a turned one
 HIDDEN = 0.02  # relative depth beyond which a surface hides a point
 
@@ -189,26 +187,6 @@ def start(
     return TRIES, float("nan"), slowest
 
 
-def blackouts(house: House, images: list[Image]) -> None:
-    times, poses = house.truth("loop")
-    wheels, rows = read_odometry(house.folder / "loop_odometry.csv"), []
-    dark = int(np.random.default_rng(1).integers(80, LENGTH - DARK - 30))
-    for name, odometry in (("by sight", None), ("with wheels", wheels)):
-        slam, states = Slam(house.rig), []
-        for k in range(LENGTH):
-            image = np.zeros_like(images[k]) if dark <= k < dark + DARK else images[k]
-            states.append(slam.track(image, times[k], None if odometry is None else odometry.at(times[k])))
-        said = {state.status.value for state in states[dark : dark + DARK]}
-        after = [state.status is Status.TRACKING for state in states[dark + DARK :]]
-        slam.finish()
-        tracked, own = slam.trajectory()
-        true = poses[np.searchsorted(times, tracked - 1e-6)][:, :3, 3]
-        gap = np.linalg.norm(align(own[:, :3, 3], true, with_scale=False).apply(own[:, :3, 3]) - true, axis=1)
-        row = [f"{dark}", ", ".join(sorted(said)), f"{(after.index(True) + 1) / 10:.1f} s"]
-        rows.append([name, *row, f"{1e3 * np.sqrt(np.mean(gap**2)):.0f}"])
-    show("1 s of darkness", ("run", "from frame", "said", "recovered after", "ATE mm"), rows)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="run only parts whose name holds this")
@@ -217,14 +195,11 @@ def main() -> None:
     images = house.film("loop")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "loop.facetmap"
-        if any(only in part for part in ("localise", "turned")):
-            alignment = house.map(images, path)
-            if only in "localise":
-                localise(house, path, alignment)
-            if only in "turned":
-                turned_starts(house, images, path, alignment)
-    if only in "blackout":
-        blackouts(house, images)
+        alignment = house.map(images, path)
+        if only in "localise":
+            localise(house, path, alignment)
+        if only in "turned":
+            turned_starts(house, images, path, alignment)
 
 
 if __name__ == "__main__":

@@ -84,11 +84,12 @@ class Pairs:
             weight = 1.0 / (1.0 + (angle / _CLEAR_PARALLAX) ** 2)
         return rotation.as_matrix(), angle
 
-    def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> int:
-        """Pairs that fit a motion, lie in front of the views and have parallax."""
+    def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> Index:
+        """Pairs of each view that fit a motion, lie in front of the view and have parallax."""
         distance, angle = self.parallax(T_a_b, optics)
         fits = np.abs(self.epipolar_errors(T_a_b, optics)) < gate
-        return int(np.sum(fits & (distance > 0) & (angle > _START_PARALLAX)))
+        good = self.views[fits & (distance > 0) & (angle > _START_PARALLAX)]
+        return np.bincount(good, minlength=optics.n_views)
 
 
 def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
@@ -113,7 +114,7 @@ def enough_parallax(a: Corners, b: Corners, T_a_b: Array, optics: Optics, config
     rows = match_along_epipolars(
         a, np.arange(len(a)), b, np.arange(len(b)), T_a_b, START_GATE, optics, config
     )
-    return Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE) >= MIN_MATCHES
+    return bool(Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE).sum() >= MIN_MATCHES)
 
 
 def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
@@ -130,8 +131,11 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     if best is None:
         return None
     share = float(np.mean(np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE))
-    enough = share > _FITTING and pairs.count_good(best, optics, _EPIPOLAR_GATE) >= MIN_MATCHES
-    return best if enough else None
+    good = pairs.count_good(best, optics, _EPIPOLAR_GATE)
+    # A wall close to one view is a plane, which leaves the motion ambiguous: another view must bear it out.
+    several = np.sum(np.bincount(pairs.views) >= _MIN_VIEW_MATCHES) > 1
+    borne_out = not several or good.sum() - good.max() >= _MIN_VIEW_MATCHES
+    return best if share > _FITTING and good.sum() >= MIN_MATCHES and borne_out else None
 
 
 def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
