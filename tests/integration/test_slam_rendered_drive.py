@@ -104,6 +104,13 @@ def test_a_drive_by_sight_alone_is_posed(shot: Shot, by_sight: Run) -> None:
     assert errors.ate_scaled.rmse < 0.015
 
 
+def test_no_scale_is_claimed_of_a_rig_that_the_images_deny(
+    with_wheels: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(with_wheels.slam.rig_check, "misfit", 2.0)
+    assert not with_wheels.slam.metric
+
+
 def test_a_map_that_is_called_metric_has_the_scale_it_claims(shot: Shot, by_sight: Run) -> None:
     slam = by_sight.slam
     assert slam.metric == (slam.scale_sigma < slam.config.metric_sigma)

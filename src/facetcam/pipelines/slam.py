@@ -18,7 +18,7 @@ from facetcam.pipelines.slam_maps import MapChoice, MapKeeper
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.slam_results import SlamResults, write_results
 from facetcam.pipelines.summary import Summary
-from facetcam.slam import Slam, State, Status
+from facetcam.slam import Slam
 
 
 def run_slam(
@@ -104,7 +104,7 @@ def track_film(
         for frame in when_due(frames) if inputs.config.real_time else frames:
             state = slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
             record.add(frame, state)
-            require_fit(slam, state)
+            require_fit(slam)
             inputs = in_step(slam, inputs)
             keeper.after_frame()
             progress(record.frames, total_frames(inputs.source.count, max_frames))
@@ -112,9 +112,9 @@ def track_film(
         return write_results(record, slam, inputs)
 
 
-def require_fit(slam: Slam, state: State) -> None:
-    """Raise RigError where no map can start because the rig is not that of the film."""
-    if state.status is Status.STARTING and slam.rig_check.complaint:
+def require_fit(slam: Slam) -> None:
+    """Raise RigError where the rig is not that of the film, unless it is to be refined."""
+    if slam.rig_check.complaint and not slam.config.refine_rig:
         raise RigError(slam.rig_check.complaint)
 
 

@@ -350,8 +350,8 @@ class Slam:
 
     @property
     def metric(self) -> bool:
-        """True where the images prove the scale of the map."""
-        return self._grower.metric
+        """True where the images prove the scale of the map, and do not deny the rig that it comes from."""
+        return self._grower.metric and (self.rig_check.fits or self.rig_refinement is not None)
 
     @property
     def scale_sigma(self) -> float:
