@@ -10,7 +10,8 @@ from typing import Annotated
 import typer
 
 SourceArgument = Annotated[
-    str, typer.Argument(metavar="SOURCE", help="Film, folder of images, or number of a live camera.")
+    str,
+    typer.Argument(metavar="SOURCE", help="Film, folder of images, ROS bag, or number of a live camera."),
 ]
 RigOption = Annotated[
     Path,

@@ -28,7 +28,7 @@ def slam(
     source: SourceArgument,
     rig: RigOption,
     odometry: Annotated[
-        Path | None, typer.Option(help="Wheel odometry, CSV: timestamp,x,y,yaw (s, m, rad).")
+        Path | None, typer.Option(help="Wheel odometry, CSV: timestamp,x,y,yaw (s, m, rad), or a ROS bag.")
     ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="True trajectory (TUM) to measure the errors against.")

@@ -1,4 +1,4 @@
-"""Wheel odometry: a table `timestamp,x,y,yaw` in a drifting frame of its own."""
+"""Wheel odometry: a table `timestamp,x,y,yaw`, or a topic of a ROS bag, in a drifting frame of its own."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from facetcam.errors import SourceError
 from facetcam.io.outputs import atomic_write
-from facetcam.io.tables import read_numbers
+from facetcam.io.ros_bag import Bag, wheel_odometry
+from facetcam.io.tables import read_numbers, require_increasing
 
 Array = NDArray[np.float64]
 COLUMNS = "timestamp,x,y,yaw"
@@ -64,7 +65,7 @@ def write_odometry(path: Path, times: Array, rows: Array) -> None:
 
 
 def read_odometry(path: Path | str) -> Odometry:
-    """Read an odometry table.
+    """Read an odometry table, or the odometry of a ROS bag (`BAG` or `BAG:/TOPIC`).
 
     Raises
     ------
@@ -72,7 +73,11 @@ def read_odometry(path: Path | str) -> Odometry:
         If the file cannot be read, is empty, has another header, a line is wrong or not later than the one
         before, or its usual speeds show other units.
     """
-    times, x, y, yaw = read_numbers(Path(path), COLUMNS, header=True).T.copy()
+    bag = Bag.at(path)
+    table = read_numbers(Path(path), COLUMNS, header=True) if bag is None else wheel_odometry(bag)
+    times, x, y, yaw = table.T.copy()
+    if bag is not None:
+        require_increasing(times, str(path))
     _require_plausible(path, times, x, y, yaw)
     return Odometry(times, x, y, np.unwrap(yaw))
 

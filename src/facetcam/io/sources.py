@@ -1,4 +1,4 @@
-"""Where images come from: a folder, a film or a live camera, all read the same way."""
+"""Where images come from: a folder, a film, a ROS bag or a live camera, all read the same way."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from facetcam.io.frames import Frame, Reader, Skipped
 from facetcam.io.image_folder import SUFFIXES, ImageFolder
 from facetcam.io.live import LiveCamera
 from facetcam.io.prefetch import prefetch
+from facetcam.io.ros_bag import Bag, RosBag
 from facetcam.io.video import Video
 
 FRAMES_AHEAD = 3
@@ -91,12 +92,12 @@ class Source:
 
 
 def open_source(path: Path | str | int, fps: float | None = None, timed: bool = True) -> Source:
-    """Open a folder of images, an image, a film, or a camera by its number.
+    """Open a folder of images, an image, a film, a ROS bag, or a camera by its number.
 
     Parameters
     ----------
     path : path or int
-        A number that is no file's name means a live camera.
+        A number that is no file's name means a live camera, `BAG:/TOPIC` one of several topics of a bag.
     fps : float, optional
         Frame rate that replaces the source's own times (needed for a folder without `timestamps.txt`).
     timed : bool
@@ -115,7 +116,9 @@ def open_source(path: Path | str | int, fps: float | None = None, timed: bool = 
 
 
 def _reader(path: Path | str | int, fps: float | None) -> Reader:
-    location = Path(str(path))
+    location, bag = Path(str(path)), Bag.at(str(path))
+    if bag is not None:
+        return RosBag(bag, fps)
     if not location.exists():
         if str(path).isdecimal():
             return LiveCamera(int(str(path)))
