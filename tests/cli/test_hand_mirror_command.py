@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from board_photos import PIXELS, drawing, write_photos
+from board_photos import seen, write_photos
 from command import Facetcam, only_line
 from numpy.typing import NDArray
 
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 BOARD = Board("wall", "charuco", (8, 6), 0.06, 0.045, "DICT_5X5_250")
 SIZE, FOCAL = (960, 720), 830.0
 K = np.array([[FOCAL, 0.0, 480.0], [0.0, FOCAL, 360.0], [0.0, 0.0, 1.0]])
-RIM, FINE = 20, 3  # texels round the drawing; samples across a pixel
 # The board hangs behind the camera and to its left, and looks the way the camera does.
 T_CAM_BOARD = se3.exp(np.array([0.1, -0.15, 0.05, 0.0, 0.0, 0.0])) @ np.array(
     [[-1.0, 0, 0, 0.1], [0, 1, 0, -0.25], [0, 0, -1, -0.3], [0, 0, 0, 1]]
@@ -42,16 +41,7 @@ def in_mirror(
         reflection[:3, :3] -= 2 * np.outer(normal, normal)
         reflection[:3, 3] = 2 * 0.45 * normal
         T = reflection @ T
-    texels = np.array(
-        [[1 / PIXELS, 0, (0.5 - RIM) / PIXELS], [0, 1 / PIXELS, (0.5 - RIM) / PIXELS], [0, 0, 1]]
-    )
-    finer = np.array([[FINE, 0, (FINE - 1) / 2], [0, FINE, (FINE - 1) / 2], [0, 0, 1.0]])
-    H = finer @ K @ T[:3, [0, 1, 3]] @ texels
-    size = (FINE * SIZE[0], FINE * SIZE[1])
-    fine = cv2.warpPerspective(drawing(BOARD), H, size, flags=cv2.INTER_LINEAR, borderValue=120)
-    noise = np.random.default_rng(seed).normal(0, 1.5, SIZE[::-1])
-    seen = cv2.GaussianBlur(cv2.resize(fine, SIZE, interpolation=cv2.INTER_AREA), (0, 0), 0.6)
-    return np.clip(0.8 * seen + 20 + noise, 0, 255).astype(np.uint8)
+    return seen(BOARD, K, T, SIZE, seed)
 
 
 @pytest.fixture

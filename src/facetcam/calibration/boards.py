@@ -132,6 +132,17 @@ class Board:
             return columns * self.square + gap, rows * self.square + gap
         return columns * self.square, rows * self.square
 
+    @property
+    def corner_square(self) -> float:
+        """Side in metres of the squares that meet at a corner; as large as nothing else is near it.
+
+        Tags of an aprilgrid meet squares as small as the gap, and have their code behind the border.
+        """
+        if self.kind != "aprilgrid" or self.marker is None:
+            return self.square
+        cell = self.marker / (self.markers_of_dictionary.markerSize + 2 * self.border)
+        return min(2.0 * (self.square - self.marker), 7.0 * cell * self.border, self.square)
+
     @cached_property
     def points(self) -> Array:
         """Points to find, (N, 3) metres, z = 0: inner corners by rows; of an aprilgrid four corners a tag."""

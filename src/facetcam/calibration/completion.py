@@ -81,7 +81,7 @@ def _looked(
         return None  # the board turns its back
     pixels, seen = rig.project(name, se3.transform(T, board.points))
     square = np.full(len(pixels), np.inf)
-    for side in np.concatenate([np.eye(3)[:2], -np.eye(3)[:2]]) * board.square:
+    for side in np.concatenate([np.eye(3)[:2], -np.eye(3)[:2]]) * board.corner_square:
         beside, there = rig.project(name, se3.transform(T, board.points + side))
         square = np.minimum(square, np.where(there, np.linalg.norm(beside - pixels, axis=1), 0.0))
     for outline in before:

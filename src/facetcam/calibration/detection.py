@@ -77,7 +77,7 @@ def predict_corners(board: Board, group: Group) -> tuple[NDArray[np.int64], Arra
     predicted : (N, 2) array
         Pixels, by the homography of the markers nearest to each: a lens may bend the board as a whole.
     square_px : (N,) array
-        The shorter of the two sides, in pixels.
+        The shorter of the two sides of `Board.corner_square`, in pixels.
     """
     centres = group.plane.mean(axis=1)
     points = board.points[:, :2]
@@ -93,7 +93,7 @@ def predict_corners(board: Board, group: Group) -> tuple[NDArray[np.int64], Arra
         at = project(H, around) if H is not None else np.full((5, 2), -1e9)
         predicted[row] = at[0]
         sides[row] = min(np.linalg.norm(at[2] - at[1]), np.linalg.norm(at[4] - at[3]))
-    return corners, predicted, _scaled(board, sides)
+    return corners, predicted, sides * (board.corner_square / board.square)
 
 
 def in_line(plane: Array, pixels: Array, square_px: Array) -> NDArray[np.bool_]:
@@ -115,11 +115,3 @@ def in_line(plane: Array, pixels: Array, square_px: Array) -> NDArray[np.bool_]:
         limit = 1.0 + _STRAY * square_px
         good = off <= (limit if not good.all() else np.maximum(limit, 0.5 * off.max()))
     return good
-
-
-def _scaled(board: Board, sides: Array) -> Array:
-    """Squares that meet at a corner of an aprilgrid are as large as the gap between tags."""
-    if board.kind != "aprilgrid":
-        return sides
-    gap = (board.square - (board.marker or 0.0)) / board.square
-    return sides * min(2.0 * gap, 1.0)

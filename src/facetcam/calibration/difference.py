@@ -71,7 +71,8 @@ def projection_difference(a: Rig, b: Rig, points: Mapping[str, Array], align: bo
     views = list(points)
     lens_a, lens_b = Seen.of(a, views), Seen.of(b, views)
     wanted = {v: lens_a.pixels(v, points[v]) for v in views}
-    T = np.eye(4)
+    # The cameras are one and the same: rigs found without a drawing have frames far from the drawing's.
+    T = b.T_rig_cam @ se3.inverse(a.T_rig_cam) if align else np.eye(4)
     for _ in range(_ROUNDS if align else 0):
         H, g = np.zeros((6, 6)), np.zeros(6)
         for v in views:

@@ -94,7 +94,7 @@ def _in_view(
         return np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0)
     pixels, on_sensor = rig.camera.project(se3.transform(T_image_board, board.points))
     sides = []
-    for side in np.eye(3)[:2] * board.square:
+    for side in np.eye(3)[:2] * board.corner_square:
         beside, there = rig.camera.project(se3.transform(T_image_board, board.points + side))
         sides.append(np.where(there, np.linalg.norm(beside - pixels, axis=1), 0.0))
     square = np.minimum(*sides)

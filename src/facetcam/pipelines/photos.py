@@ -30,7 +30,7 @@ from facetcam.pipelines.progress import Progress, silent
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-METHOD = 2  # of detection: another one makes what is remembered useless
+METHOD = 3  # of detection: another one makes what is remembered useless
 KEPT_IMAGES = 4  # of the second look
 
 
