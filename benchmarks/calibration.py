@@ -18,6 +18,7 @@ from facetcam.calibration.covariance import knowledge
 from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.optics import MirrorOptics
+from facetcam.calibration.rejection import spread_of
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
@@ -167,7 +168,8 @@ def refitted(fit: Fit, sightings: Sequence[Sighting]) -> Fit:
     """The same problem solved for other pixels."""
     looks = replace(fit.looks, pixels=np.concatenate([s.pixels for s in sightings]))
     whole = replace(fit, sightings=tuple(sightings), looks=looks, kept=np.ones(len(looks.pixels), dtype=bool))
-    return replace(whole, prior=replace(whole.prior, noise=NOISE)).solved(None)
+    whole = replace(whole, prior=replace(whole.prior, noise=NOISE)).solved(None)
+    return replace(whole, looks=replace(looks, spread=spread_of(whole, NOISE))).solved(None)
 
 
 def values(fit: Fit) -> np.ndarray:

@@ -205,7 +205,9 @@ def matching(true: Rig, found: Rig) -> dict[str, str]:
     """Views of a rig found without a drawing for those of the true one, by the normals of their mirrors."""
     T = found.T_rig_cam @ se3.inverse(true.T_rig_cam)
     names = {
-        name: max(found.mirrors, key=lambda m: float(found.mirrors[m].normal @ T[:3, :3] @ mirror.normal))
+        name: max(
+            found.mirrors, key=lambda m: abs(float(found.mirrors[m].normal @ T[:3, :3] @ mirror.normal))
+        )
         for name, mirror in true.mirrors.items()
     }
     chains = {view.mirrors: name for name, view in found.views.items()}

@@ -53,6 +53,27 @@ def test_the_rig_file_carries_what_is_known(calibration: Calibration, tmp_path: 
     assert back.solved_from == calibration.rig.solved_from and calibration.nominal.solved_from is None
 
 
+def test_sightings_seen_worse_count_less() -> None:
+    random = np.random.default_rng(3)
+    factor = {b: 6.0 if b in (1, 4, 6) else 1.0 for b in range(8)}
+    noisy = [
+        replace(s, pixels=s.pixels + 0.03 * factor[s.board] * random.standard_normal(s.pixels.shape))
+        for s in sightings_of(RIG, SET, 16, 0.0)
+    ]
+    found = solve(disturbed(RIG, 1.0, 0.002, 0.03, 0), SET, noisy)
+    looks = found.fit.looks
+    many = np.bincount(looks.sighting) > 20
+    spread = {
+        k: looks.spread[many & ((np.array(list(factor.values())) > 1)[looks.board] == k)] for k in (0, 1)
+    }
+    assert np.median(spread[1]) / np.median(spread[0]) == pytest.approx(6.0, rel=0.35)
+    assert found.fit.kept.mean() > 0.99  # what is seen worse is not thrown away
+    blind = replace(found.fit, looks=replace(looks, spread=np.ones_like(looks.spread))).solved(None)
+    points = room_points(RIG, list(RIG.views), 300)
+    weighed, all_alike = (projection_difference(RIG, r, points).rms for r in (found.rig, blind.rig))
+    assert weighed < 0.7 * all_alike
+
+
 def test_names_the_photos_of_another_camera() -> None:
     placed = walk(RIG, SET, 16)
     zoomed = replace(RIG, camera=replace(RIG.camera, fx=1330.0, fy=1330.0))

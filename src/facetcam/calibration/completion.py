@@ -152,7 +152,7 @@ def _cost(fit: Fit, thickness: float, index: float) -> float:
     optics = _optics(fit)
     panes = np.tile((thickness, index), (len(optics.planes), 1))
     moved = replace(fit, state=replace(fit.state, optics=replace(optics, glass=panes))).solved(None, 25)
-    return float(np.sum(moved.residuals[fit.kept] ** 2))
+    return float(np.sum((moved.residuals / fit.looks.noise[:, None])[fit.kept] ** 2))
 
 
 def _optics(fit: Fit) -> MirrorOptics:

@@ -74,7 +74,7 @@ def normal_equations(state: State, looks: Looks, weights: Array) -> Normal:
     G, P = state.shared, len(state.T_rig_station)
     A, B, C = np.zeros((G, G)), np.zeros((P, G, 6)), np.zeros((P, 6, 6))
     a, c = np.zeros(G), np.zeros((P, 6))
-    root = np.sqrt(weights)[:, None]
+    root = (np.sqrt(weights) / looks.noise)[:, None]
     rows = np.concatenate(
         [linear.shared, linear.station, (looks.pixels - linear.predicted)[:, :, None]], axis=2
     )
@@ -155,7 +155,7 @@ def _stepped(state: State, normal: Normal, free: Mask, damping: float) -> State:
 
 def _cost(state: State, looks: Looks, prior: Prior, loss: float | None) -> tuple[float, Array]:
     """Cost, and the weight of every corner."""
-    squares = np.sum((looks.pixels - state.predict(looks)) ** 2, axis=1)
+    squares = np.sum((looks.pixels - state.predict(looks)) ** 2, axis=1) / looks.noise**2
     offset = prior.rows(state)[0]
     drawn = float(offset @ offset)
     if loss is None:

@@ -31,6 +31,8 @@ class Looks:
     view, board, station : (S,) int arrays
         Of each sighting: index of the view, of the board's place, and of the rig pose it was seen from.
         Boards that move against each other have one station a photo and board.
+    spread : (S,) array
+        Noise of each sighting's corners against that of the others: small or blurred squares are seen worse.
     """
 
     pixels: Array
@@ -39,6 +41,7 @@ class Looks:
     view: Index
     board: Index
     station: Index
+    spread: Array
 
     @classmethod
     def of(
@@ -58,6 +61,7 @@ class Looks:
             np.array(view, dtype=np.int64),
             np.array(board, dtype=np.int64),
             np.array(station, dtype=np.int64),
+            np.ones(len(pixels)),
         )
 
     @cached_property
@@ -71,6 +75,11 @@ class Looks:
         """Views seen, with the indices of their corners."""
         view = self.view[self.sighting]
         return [(int(v), np.flatnonzero(view == v)) for v in np.unique(view)]
+
+    @property
+    def noise(self) -> Array:
+        """Of each corner (N,), against the others."""
+        return self.spread[self.sighting]
 
     def only(self, kept: NDArray[np.bool_]) -> Looks:
         """The corners of a mask (N,); sightings keep their indices, even with no corner left."""
@@ -150,6 +159,7 @@ def subset(looks: Looks, state: State, chosen: Sequence[int]) -> tuple[Looks, St
     parts = [slice(*looks.bounds[s]) for s in chosen]
     pixels, points = [looks.pixels[p] for p in parts], [looks.points[p] for p in parts]
     part = Looks.of(pixels, points, looks.view[chosen], looks.board[chosen], station)
+    part = replace(part, spread=looks.spread[chosen])
     return part, replace(state, T_rig_station=state.T_rig_station[stations]), stations
 
 

@@ -21,19 +21,37 @@ Mask = NDArray[np.bool_]
 _SIGMAS = 4.0
 _RAYLEIGH = 1.1774  # median length of a vector of two unit normal coordinates
 _LEAST_NOISE = 0.01  # pixels
+_USUAL = 10.0
+_WORST = 5.0  # spread of a sighting that is still believed
 _STRANGE = 5.0  # pixels by which a sighting may be off before corners are rejected
 
 
 def noise_of(fit: Fit) -> float:
-    """Standard deviation of a corner coordinate, from the middle of the residuals."""
-    lengths = np.linalg.norm(fit.residuals, axis=1)
+    """Standard deviation of a corner coordinate in a usual sighting, from the middle of the residuals."""
+    lengths = np.linalg.norm(fit.residuals, axis=1) / fit.looks.noise
     return max(float(np.median(lengths)) / _RAYLEIGH, _LEAST_NOISE) if len(lengths) else _LEAST_NOISE
 
 
 def believed(fit: Fit, sigma: float) -> Mask:
     """Mask of the corners that noise explains."""
-    kept: Mask = np.linalg.norm(fit.residuals, axis=1) < _SIGMAS * sigma
+    kept: Mask = np.linalg.norm(fit.residuals, axis=1) < _SIGMAS * sigma * fit.looks.noise
     return kept
+
+
+def spread_of(fit: Fit, sigma: float) -> Array:
+    """Noise (S,) of every sighting in units of `sigma`, from the middle of its residuals.
+
+    What a sighting says of itself is blended with the usual, as if that had been seen in `_USUAL` coordinates
+    of it; a station with few corners follows them, which is allowed for.
+    """
+    looks = fit.looks
+    count = np.bincount(looks.sighting, minlength=len(looks.view)).astype(np.float64)
+    at_station = np.bincount(looks.station, weights=count, minlength=len(fit.stations))
+    free = np.maximum(2.0 * count - 6.0 * count / at_station[looks.station], 0.0)
+    lengths = np.linalg.norm(fit.residuals, axis=1) / (_RAYLEIGH * sigma)
+    middle = np.array([np.median(lengths[a:b]) if b > a else 1.0 for a, b in looks.bounds])
+    own = middle**2 * 2.0 * count  # sum of squares, without strays
+    return np.minimum(np.sqrt((_USUAL + own) / (_USUAL + free)), _WORST)
 
 
 def reviewed(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple[Fit, list[Sighting]]:

@@ -127,7 +127,7 @@ class Calibration:
     sightings : tuple of FittedSighting
     parameters : Parameters
     noise : float
-        Standard deviation of a corner coordinate that the residuals show, in pixels.
+        Standard deviation of a corner coordinate in a usual sighting, in pixels, as the residuals show it.
     unobservable : tuple of Unknown
     findings : tuple of Finding
     seconds : float
@@ -157,6 +157,12 @@ class Calibration:
         ]
         joined = np.concatenate([*squares, np.empty(0)])
         return float(np.sqrt(joined.mean())) if len(joined) else float("nan")
+
+    @property
+    def rms_of_noise(self) -> float:
+        """Root mean square length in pixels that noise alone gives the residuals of the corners kept."""
+        spread = self.fit.looks.noise[self.fit.kept] if self.fit is not None else np.ones(1)
+        return float(np.sqrt(2.0 * np.mean(spread**2)) * self.noise)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import with_moved_boards, without_other_cameras
 from facetcam.calibration.observability import unknowns
-from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed
+from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed, spread_of
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.start import poses_apart, usable
@@ -109,6 +109,7 @@ def settled(fit: Fit) -> Fit:
     fit = fit.solved(_LOSSES[2])
     for _ in range(2):
         sigma = noise_of(fit)
+        fit = replace(fit, looks=replace(fit.looks, spread=spread_of(fit, sigma)))
         fit = replace(fit, kept=believed(fit, sigma), prior=replace(fit.prior, noise=sigma)).solved(None)
     return fit
 

@@ -140,13 +140,12 @@ def _flatness(fit: Fit, noise: float) -> Flatness | None:
     freed = _freed(fit).solved(None, 30)
     kept = fit.kept
     plane, free = fit.residuals[kept], freed.residuals[kept]
-    drop = float(np.sum(plane**2) - np.sum(free**2)) / noise**2
+    worth = 1.0 / (noise * fit.looks.noise[:, None]) ** 2
+    drop = float(np.sum((plane**2 - free**2) * worth[kept]))
     plane_rms, free_rms = _rms([plane]), _rms([free])
     flat = bool(drop < chi2.ppf(1.0 - _CHANCE, more) or free_rms > _MATERIAL * plane_rms)
     gains = {
-        fit.views[v]: float(
-            np.sum(fit.residuals[rows][kept[rows]] ** 2 - freed.residuals[rows][kept[rows]] ** 2)
-        )
+        fit.views[v]: float(np.sum(((fit.residuals**2 - freed.residuals**2) * worth)[rows][kept[rows]]))
         for v, rows in fit.looks.by_view
     }
     return Flatness(plane_rms, free_rms, drop / more, flat, max(gains, key=lambda v: gains[v]))

@@ -88,7 +88,7 @@ def _four_numbers(rig: Rig, view: str) -> tuple[list[float], float]:
     v, u = np.mgrid[0 : camera.height : step, 0 : camera.width : step].astype(np.float64)
     raw = np.stack([u.ravel(), v.ravel()], axis=1)
     seen = rig.sees(view, raw)
-    own = raw[seen] if seen.any() else raw
+    own = raw[seen] if np.count_nonzero(seen) > 3 else raw
     if rig.is_flipped(view):
         own = np.stack([camera.width - 1 - own[:, 0], own[:, 1]], axis=1)
     rays = camera.ray(own)

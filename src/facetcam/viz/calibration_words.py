@@ -43,7 +43,7 @@ def doubts_of(calibration: Calibration, validation: Validation | None) -> list[s
         doubts.append("a board moved")
     if validation is not None and validation.flatness is not None and not validation.flatness.flat:
         doubts.append(f"the mirrors do not look flat in '{validation.flatness.worst_view}'")
-    expected = NOISE_RATIO * math.sqrt(2.0) * calibration.noise
+    expected = NOISE_RATIO * calibration.rms_of_noise
     if validation is not None and validation.split_half_rms > AGREE:
         doubts.append("where no corner was seen the lens and the mirrors are guessed")
     if validation is not None and validation.held_out_rms > expected:
@@ -57,7 +57,7 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
     total = sum(len(f.sighting) for f in calibration.sightings)
     found = [("residual (RMS)", pixels(calibration.rms()), "")]
     if validation is not None:
-        grade = GOOD if validation.held_out_rms <= NOISE_RATIO * math.sqrt(2.0) * calibration.noise else FAIR
+        grade = GOOD if validation.held_out_rms <= NOISE_RATIO * calibration.rms_of_noise else FAIR
         found += _known("held-out photos", validation.held_out_rms, grade)
         found += _known("from one view to the others", validation.cross_view_rms, "")
         found += _known("between two halves", validation.split_half_rms, "")
