@@ -108,3 +108,12 @@ def _moved(mirror: Mirror, tilt_deg: float, shift: float, random: np.random.Gene
 def with_lens(rig: Rig, camera: Camera) -> Rig:
     """The rig with another camera at the same place."""
     return replace(rig, camera=camera)
+
+
+def nudge(board: Board, shift: float, degrees: float, seed: int = 0) -> Array:
+    """Motion (4, 4) in a board's own frame: its middle moves by metres, and it turns about it."""
+    random = np.random.default_rng(seed)
+    axis, way = (v / np.linalg.norm(v) for v in random.standard_normal((2, 3)))
+    R = se3.exp(np.r_[np.radians(degrees) * axis, 0, 0, 0])[:3, :3]
+    middle = np.array([*board.size, 0.0]) / 2
+    return se3.from_rotation_translation(R, middle + shift * way - R @ middle)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,27 +66,38 @@ def reviewed(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple
     """
     limit = max(_STRANGE, 10.0 * noise_of(fit))
     named, places, stations, strange = [], [], [], []
+    moved = dict(fit.moved)
+    known = {(s.photo, s.board) for s in fit.sightings}
     for s in sightings:
-        standing = fit.place_of(s)
-        if standing is None:
-            strange.append(s)
-            continue
-        tries = [
+        reads = [
             replace(way, view=v)
             for way in readings_of(s, boards)
             for v in fit.views
             if _may(fit, way, v, boards)
         ]
-        errors = [_error(fit, boards, way, *standing) for way in tries]
-        if min(errors, default=np.inf) > limit:
+        standings = _standings(fit, s, (s.photo, s.board) in known)
+        tries = [(_error(fit, boards, read, *at), read, *at) for at in standings for read in reads]
+        best = min(tries, key=itemgetter(0), default=None)
+        if best is None or best[0] > limit:
             strange.append(s)
             continue
-        named.append(tries[int(np.argmin(errors))])
-        places.append(standing[0])
-        stations.append(standing[1])
+        _, read, place, station = best
+        named.append(read)
+        places.append(place)
+        stations.append(station)
+        if fit.places != (-1,) and place != s.board:
+            moved[s.photo, s.board] = place
     looks = looks_of(named, boards, fit.views, places, stations)
     kept = np.ones(len(looks.pixels), dtype=bool)
-    return replace(fit, sightings=tuple(named), looks=looks, kept=kept), strange
+    return replace(fit, sightings=tuple(named), looks=looks, kept=kept, moved=moved), strange
+
+
+def _standings(fit: Fit, sighting: Sighting, known: bool) -> list[tuple[int, int]]:
+    """Places and station where a board may stand in a photo: any of its places while none is known."""
+    standing = fit.place_of(sighting)
+    if standing is None or known or fit.places == (-1,):
+        return [] if standing is None else [standing]
+    return [(place, standing[1]) for place, board in enumerate(fit.places) if board == sighting.board]
 
 
 def _may(fit: Fit, sighting: Sighting, view: str, boards: BoardSet) -> bool:
@@ -107,7 +119,7 @@ def findings_of(strange: Sequence[Sighting], boards: BoardSet) -> tuple[Finding,
     return tuple(
         Finding(
             "sighting rejected",
-            f"photo {s.photo}: board '{boards.boards[s.board].name}' near"
+            f"photo {{photos}}: board '{boards.boards[s.board].name}' near"
             f" ({s.pixels[:, 0].mean():.0f}, {s.pixels[:, 1].mean():.0f}) fits no view of the rig",
             (s.photo,),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,8 @@ from facetcam.calibration.sightings import Sighting
 from facetcam.rig import Rig
 
 Array = NDArray[np.float64]
+
+_MOST_NAMED = 12  # photos in a sentence
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +98,26 @@ class Finding:
     ----------
     kind : str
         `moved board`, `other camera`, `sighting rejected`, `photo left out` or `view unseen`.
-    text : str
-        A sentence for the user.
+    words : str
+        A sentence for the user; `{photos}` stands for the photos.
     photos : tuple of int
         Indices of the photos concerned.
     """
 
     kind: str
-    text: str
+    words: str
     photos: tuple[int, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The sentence, photos by their indices."""
+        return self.told([])
+
+    def told(self, names: Sequence[str]) -> str:
+        """The sentence, photos by these names; those beyond the list by their indices."""
+        named = [names[p] if p < len(names) else str(p) for p in self.photos]
+        more = f" and {len(named) - _MOST_NAMED} more" if len(named) > _MOST_NAMED else ""
+        return self.words.replace("{photos}", ", ".join(named[:_MOST_NAMED]) + more)
 
 
 @dataclass(frozen=True, eq=False)

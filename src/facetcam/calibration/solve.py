@@ -15,7 +15,7 @@ from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
-from facetcam.calibration.intruders import with_moved_boards, without_other_cameras
+from facetcam.calibration.intruders import without_intruders
 from facetcam.calibration.observability import unknowns
 from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed, spread_of
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
@@ -70,8 +70,7 @@ def solve(
     for loss in _LOSSES[:2]:
         fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
     done()
-    fit, other = without_other_cameras(fit)
-    fit, moved = with_moved_boards(fit, boards)
+    fit, intruders = without_intruders(fit, boards)
     here = set(fit.photos)
     fit, strange = reviewed(fit, boards, [s for s in sightings if s.photo in here])
     done()
@@ -80,7 +79,7 @@ def solve(
     if look_again is not None:
         fit = settled(looked_again(fit, boards, look_again))
     done()
-    result = _calibration(fit, boards, other + moved + findings_of(strange, boards), noise_of(fit), began)
+    result = _calibration(fit, boards, intruders + findings_of(strange, boards), noise_of(fit), began)
     done()
     return result
 

@@ -62,8 +62,9 @@ def calibrate(
     )
     for warning in result.warnings:
         warn(warning)
+    names = [photo.path.name for photo in result.photos]
     for finding in result.calibration.findings:
-        warn(finding.text)
+        warn(finding.told(names))
     print_pairs("calibrate", rows_of(result))
 
 

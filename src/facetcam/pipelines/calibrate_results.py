@@ -103,7 +103,7 @@ def summarise(
         cross_view_rms=judged[1],
         split_half_rms=judged[2],
         not_determined=tuple(u.what for u in calibration.unobservable if not u.harmless),
-        findings=tuple(f.text for f in calibration.findings),
+        findings=tuple(f.told([p.path.name for p in photos]) for f in calibration.findings),
         warnings=tuple(warnings),
         seconds=calibration.seconds,
     )

@@ -88,12 +88,13 @@ def notes_of(report: CalibrationReport) -> list[dict[str, str]]:
     findings: list[Finding] = [*report.calibration.findings]
     if report.validation is not None:
         findings += report.validation.findings
+    names = [photo.name for photo in report.photos]
     unknown: Sequence[Unknown] = report.calibration.unobservable
     notes = [
         {"grade": "" if u.harmless else "bad", "text": sentence(u.what), "advice": sentence(u.advice)}
         for u in unknown
     ]
-    notes += [{"grade": "fair", "text": sentence(f.text), "advice": ""} for f in findings]
+    notes += [{"grade": "fair", "text": sentence(f.told(names)), "advice": ""} for f in findings]
     return notes + [{"grade": "fair", "text": sentence(w), "advice": ""} for w in report.warnings]
 
 

@@ -1,0 +1,94 @@
+"""Boards of a fixed set that moved, and photos of another camera: named as they were made."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibration_worlds import boards, nudge, walk
+from numpy.typing import NDArray
+
+from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.result import Finding
+from facetcam.calibration.sightings import Sighting
+from facetcam.calibration.solve import solve
+from facetcam.calibration.synthetic import projected_sightings
+from facetcam.rig import presets
+
+Array = NDArray[np.float64]
+RIG, SET, NOISE = presets.pyramid(3), boards(4, True), 0.1
+
+
+def seen(
+    photos: int, moved: Mapping[int, Sequence[int]], zoomed: Sequence[int] = (), zoom: float = 1.06
+) -> list[Sighting]:
+    """Sightings of a walk; boards stand 20 mm and 2 degrees aside in some photos, some have another lens."""
+    placed = [dict(p) for p in walk(RIG, SET, photos, 2)]
+    for board, here in moved.items():
+        for photo in here:
+            placed[photo][board] = placed[photo][board] @ nudge(SET.boards[board], 0.02, 2.0, board)
+    camera = replace(RIG.camera, fx=zoom * RIG.camera.fx, fy=zoom * RIG.camera.fy)
+    other = replace(RIG, camera=camera)
+    own = [s for s in projected_sightings(RIG, SET, placed, NOISE) if s.photo not in zoomed]
+    return own + [s for s in projected_sightings(other, SET, placed, NOISE) if s.photo in zoomed]
+
+
+def found(sightings: Sequence[Sighting]) -> tuple[list[Finding], float]:
+    """Intruders, and how far the rig is off the truth, pixels; one sighting of few corners may be lost."""
+    result = solve(RIG, SET, sightings)
+    points = room_points(RIG, list(RIG.views), 200)
+    lost = [f for f in result.findings if f.kind == "sighting rejected"]
+    assert len(lost) <= 1
+    intruders = [f for f in result.findings if f not in lost]
+    return intruders, projection_difference(RIG, result.rig, points).rms
+
+
+def test_names_the_board_that_moved() -> None:
+    findings, off = found(seen(10, {2: (1, 4, 7)}))
+    assert [(f.kind, f.photos) for f in findings] == [("moved board", (1, 7))]  # nothing is seen in photo 4
+    assert "board 'board2' of" in findings[0].text
+    away = re.search(r"([\d.]+) mm and ([\d.]+) degrees", findings[0].text)
+    assert away is not None
+    assert float(away[1]) == pytest.approx(20.0, abs=1.5)
+    assert float(away[2]) == pytest.approx(2.0, abs=0.15)
+    assert off < 1.0
+
+
+@pytest.mark.slow
+def test_says_when_either_of_two_boards_may_have_moved() -> None:
+    pair = [s for s in seen(32, {1: range(16, 32)}) if s.board < 2]
+    findings, _ = found(pair)
+    assert [f.kind for f in findings] == ["moved board"]
+    assert "'board0' or 'board1'" in findings[0].text or "'board1' or 'board0'" in findings[0].text
+    assert "cannot tell" in findings[0].text
+
+
+def test_names_the_photos_of_another_camera_though_they_are_a_quarter() -> None:
+    findings, _ = found(seen(10, {}, (1, 4, 7)))
+    assert [(f.kind, f.photos) for f in findings] == [("other camera", (1, 7))]
+    named = re.findall(r"length of (\d+) px, the others (\d+) px", findings[0].text)[0]
+    assert float(named[0]) / float(named[1]) == pytest.approx(1.06, abs=0.005)
+
+
+@pytest.mark.slow
+def test_names_both_when_a_board_moved_and_a_camera_was_changed() -> None:
+    findings, off = found(seen(24, {3: range(12, 24)}, (3, 4, 10, 11, 17, 20), 1.05))
+    kinds = {f.kind: f for f in findings}
+    assert sorted(kinds) == ["moved board", "other camera"] and len(findings) == 2
+    assert "board 'board3' of" in kinds["moved board"].text
+    assert set(kinds["other camera"].photos) <= {3, 4, 10, 11, 17, 20}
+    assert off < 0.5
+
+
+def test_nothing_is_found_where_nothing_is_wrong() -> None:
+    findings, off = found(seen(10, {}))
+    assert not findings and off < 1.0
+
+
+def test_a_finding_names_the_photos() -> None:
+    finding = Finding("other camera", "photos {photos} differ", tuple(range(14)))
+    assert finding.told(["a.jpg", "b.jpg"]).startswith("photos a.jpg, b.jpg, 2, ")
+    assert finding.text.endswith("11 and 2 more differ")
