@@ -26,7 +26,7 @@ from facetcam.calibration.least_squares import minimise
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.problem import subset
 from facetcam.calibration.result import Calibration
-from facetcam.pipelines.calibrate import calibrate
+from facetcam.pipelines.calibrate_in_memory import calibrate
 from facetcam.rig import Camera
 
 CREPT = 0.5  # pixels

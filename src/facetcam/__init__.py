@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from facetcam.errors import FacetcamError
     from facetcam.features import SIICF
-    from facetcam.pipelines.calibrate import calibrate
+    from facetcam.pipelines.calibrate_in_memory import calibrate
     from facetcam.rig import Rig
     from facetcam.slam import Slam
     from facetcam.unwrapping import unwrap
@@ -22,7 +22,7 @@ _HOMES = {
     "Rig": "rig",
     "SIICF": "features",
     "Slam": "slam",
-    "calibrate": "pipelines.calibrate",
+    "calibrate": "pipelines.calibrate_in_memory",
     "unwrap": "unwrapping",
 }
 

@@ -57,8 +57,10 @@ def find_groups(image: NDArray[np.uint8], boards: BoardSet) -> list[Group]:
     for dictionary, border in sorted(
         {(b.dictionary or "", b.border) for b in boards.boards if b.kind in MARKED}
     ):
+        own = [b.ids for b in boards.boards if (b.dictionary, b.border) == (dictionary, border)]
+        ids = np.unique(np.concatenate(own))
         for mirrored in (False, True):
-            found = read_markers(image, _of(boards, dictionary, border), mirrored)
+            found = read_markers(image, _of(boards, dictionary, border), mirrored, ids)
             for index, board in enumerate(boards.boards):
                 if (board.dictionary, board.border) == (dictionary, border):
                     groups += list(_groups_of_board(found, index, board))
@@ -79,20 +81,29 @@ def fitting_pairs(found: Markers, board: Board) -> int:
     return int(np.count_nonzero(_agreements(flat, quads, board))) // 2
 
 
-def read_markers(image: NDArray[np.uint8], board: Board, mirrored: bool) -> Markers:
-    """Markers of a board's dictionary, in the photo or in its mirror image."""
+def read_markers(
+    image: NDArray[np.uint8], board: Board, mirrored: bool, wanted: NDArray[np.int64] | None = None
+) -> Markers:
+    """Markers of a board's dictionary, in the photo or in its mirror image.
+
+    Only those of the ids `wanted`, if given: most of the time goes into the comparison with all codes.
+    """
     height, width = image.shape
     settings = cv2.aruco.DetectorParameters()
     settings.minMarkerPerimeterRate = min(0.5, _LEAST_PERIMETER / max(width, height))
     settings.markerBorderBits = board.border
-    detector = cv2.aruco.ArucoDetector(board.markers_of_dictionary, settings)
+    codes = board.markers_of_dictionary
+    if wanted is not None:
+        codes = cv2.aruco.Dictionary(codes.bytesList[wanted], codes.markerSize, codes.maxCorrectionBits)
+    detector = cv2.aruco.ArucoDetector(codes, settings)
     corners, ids, _ = detector.detectMarkers(cv2.flip(image, 1) if mirrored else image)
     if ids is None or not len(ids):
         return Markers(mirrored, np.empty(0, dtype=np.int64), np.empty((0, 4, 2)))
     quads = np.array(corners, dtype=np.float64).reshape(-1, 4, 2)
     if mirrored:
         quads[..., 0] = width - 1 - quads[..., 0]
-    return Markers(mirrored, np.asarray(ids, dtype=np.int64).ravel(), quads)
+    read = np.asarray(ids, dtype=np.int64).ravel()
+    return Markers(mirrored, read if wanted is None else wanted[read], quads)
 
 
 def _of(boards: BoardSet, dictionary: str, border: int) -> Board:

@@ -13,7 +13,8 @@ from facetcam.errors import FacetcamError
 from facetcam.io.intrinsics import read_intrinsics
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
-from facetcam.pipelines.photos import Photo, default_cache, look_at_photos, photo_paths
+from facetcam.pipelines.photo_memory import Photo, default_cache
+from facetcam.pipelines.photos import look_at_photos, photo_paths
 from facetcam.rig import Camera, Rig
 
 Images = Path | str | Sequence[Path | str]

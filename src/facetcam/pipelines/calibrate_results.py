@@ -14,7 +14,8 @@ import numpy as np
 from facetcam.calibration.result import Calibration, FittedSighting, Validation
 from facetcam.io.outputs import atomic_write
 from facetcam.io.virtual_cameras import export_cameras
-from facetcam.pipelines.photos import Photo, SecondLook
+from facetcam.pipelines.photo_memory import Photo
+from facetcam.pipelines.photos import SecondLook
 from facetcam.pipelines.summary import to_json
 from facetcam.viz.calibration_page import CalibrationReport, PhotoRow, crop_of, write_calibration_report
 from facetcam.viz.report import Picture

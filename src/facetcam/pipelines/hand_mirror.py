@@ -23,7 +23,8 @@ from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.io.virtual_cameras import opencv_camera
 from facetcam.pipelines.calibrate_inputs import Images, looked
 from facetcam.pipelines.demo import Stage, unwatched
-from facetcam.pipelines.photos import Photo, SecondLook, photo_paths
+from facetcam.pipelines.photo_memory import Photo
+from facetcam.pipelines.photos import SecondLook, photo_paths
 from facetcam.pipelines.summary import to_json
 from facetcam.rig import Camera, Rig, View
 from facetcam.viz.hand_mirror_page import HandMirrorReport, write_hand_mirror_report

@@ -17,7 +17,8 @@ from facetcam.calibration.detection import to_grey
 from facetcam.errors import SourceError
 from facetcam.io.image_folder import read_image
 from facetcam.io.outputs import atomic_write, fresh_folder
-from facetcam.pipelines.photos import Image, Photo
+from facetcam.pipelines.photo_memory import Photo
+from facetcam.pipelines.photos import Image
 
 BLURRED = 2.5  # times the usual width of edges
 SAME_POSE = 0.01  # of the photo's width that a board must move from photo to photo

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from threading import Lock
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,48 +18,15 @@ from numpy.typing import NDArray
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.detection import detect, refine, to_grey
 from facetcam.calibration.sharpness import blur_of
-from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError, SourceError
 from facetcam.io.image_folder import SUFFIXES, natural_key, read_image
-from facetcam.io.outputs import atomic_write
+from facetcam.pipelines.photo_memory import Photo, key, recall, remember
 from facetcam.pipelines.progress import Progress, silent
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-METHOD = 3  # of detection: another one makes what is remembered useless
 KEPT_IMAGES = 4  # of the second look
-
-
-@dataclass(frozen=True, eq=False)
-class Photo:
-    """One photo and the boards seen in it.
-
-    Attributes
-    ----------
-    path : Path
-    size : (int, int)
-        Width and height in pixels.
-    digest : str
-        SHA-256 of the file.
-    camera : str
-        Maker, model and focal length that the file names; empty where it names none.
-    blur : float
-        Width (sigma, pixels) of the edges at the corners found; NaN where there is none.
-    sightings : tuple of Sighting
-    """
-
-    path: Path
-    size: tuple[int, int]
-    digest: str
-    camera: str
-    blur: float
-    sightings: tuple[Sighting, ...]
-
-    @property
-    def corners(self) -> int:
-        """Corners found, over all sightings."""
-        return sum(map(len, self.sightings))
 
 
 def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
@@ -89,12 +53,6 @@ def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
     if missing or not paths:
         raise SourceError(f"{missing[0]}: no such photo" if missing else "photos: none given")
     return paths
-
-
-def default_cache() -> Path:
-    """Where sightings are remembered: the user's cache folder."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "facetcam" / "sightings"
 
 
 def look_at_photos(
@@ -158,8 +116,8 @@ def _looked(paths: Sequence[Path], boards: BoardSet, cache: Path | None) -> Iter
 def _look_at(path: Path, boards: BoardSet, cache: Path | None) -> Photo | str:
     try:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        remembered = cache / f"{_key(digest, boards)}.npz" if cache is not None else None
-        known = _recall(remembered, path, digest)
+        remembered = cache / f"{key(digest, boards)}.npz" if cache is not None else None
+        known = recall(remembered, path, digest)
         if known is not None:
             return known
         image = read_image(path)
@@ -171,49 +129,8 @@ def _look_at(path: Path, boards: BoardSet, cache: Path | None) -> Photo | str:
     corners = np.concatenate([s.pixels for s in sightings]) if sightings else np.empty((0, 2))
     size = image.shape[1], image.shape[0]
     photo = Photo(path, size, digest, camera_of(path), blur_of(to_grey(image), corners), sightings)
-    _remember(remembered, photo)
+    remember(remembered, photo)
     return photo
-
-
-def _key(digest: str, boards: BoardSet) -> str:
-    return hashlib.sha256(f"{METHOD} {digest} {boards.digest}".encode()).hexdigest()[:40]
-
-
-def _remember(file: Path | None, photo: Photo) -> None:
-    """Keep what was found; where it cannot be kept, nothing is lost but time."""
-    if file is None:
-        return
-    arrays: dict[str, NDArray[np.generic]] = {
-        "size": np.array(photo.size),
-        "camera": np.array(photo.camera),
-        "blur": np.array(photo.blur),
-        "boards": np.array([s.board for s in photo.sightings], dtype=np.int64),
-        # 1 mirrored, 0 not, -1 unknown
-        "mirrored": np.array([-1 if s.mirrored is None else int(s.mirrored) for s in photo.sightings]),
-    }
-    for index, sighting in enumerate(photo.sightings):
-        arrays[f"corners{index}"] = sighting.corners
-        arrays[f"pixels{index}"] = sighting.pixels
-    content = io.BytesIO()
-    np.savez(content, **arrays)  # type: ignore[arg-type]
-    with suppress(FacetcamError, OSError):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        atomic_write(file, content.getvalue())
-
-
-def _recall(file: Path | None, path: Path, digest: str) -> Photo | None:
-    if file is None or not file.is_file():
-        return None
-    try:
-        with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as kept:
-            sightings = tuple(
-                Sighting(0, int(board), kept[f"corners{k}"], kept[f"pixels{k}"], None if m < 0 else bool(m))
-                for k, (board, m) in enumerate(zip(kept["boards"], kept["mirrored"]))
-            )
-            width, height = (int(n) for n in kept["size"])
-            return Photo(path, (width, height), digest, str(kept["camera"]), float(kept["blur"]), sightings)
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-        return None  # cut off or of another kind: looked at again
 
 
 def camera_of(path: Path) -> str:
