@@ -132,6 +132,25 @@ def test_a_rig_that_stands_cannot_tell_the_scale(ryu: Optics) -> None:
     assert map_uncertainty(bundle_of(ryu, still[:1], points), ryu, 0.5).scale_sigma == np.inf
 
 
+def test_a_few_points_in_a_second_view_prove_no_scale(ryu: Optics) -> None:
+    """Wrong matches would, as surely as right ones."""
+    rng = np.random.default_rng(34)
+    whole = bundle_of(ryu, PATH, in_sight(ryu, PATH, rng, 3000), rng.normal(0.0, 0.5, (40000, 2)))
+    for n_beside, known in ((20, False), (200, True)):
+        beside = np.isin(whole.point, np.unique(whole.point[whole.view == 1])[:n_beside])
+        rows = (whole.view == 0) | ((whole.view == 1) & beside)
+        points, index = np.unique(whole.point[rows], return_inverse=True)
+        part = replace(
+            whole,
+            points=whole.points[points],
+            frame=whole.frame[rows],
+            view=whole.view[rows],
+            point=index,
+            plane=whole.plane[rows],
+        )
+        assert np.isfinite(map_uncertainty(part, ryu, 0.5).scale_sigma) == known
+
+
 def test_crossing_motion_before_mirrors_tells_the_scale(ryu: Optics) -> None:
     rng = np.random.default_rng(19)
     noise = rng.normal(0.0, 0.5, (40000, 2))

@@ -62,6 +62,14 @@ def test_wheels_that_were_blocked_for_long_are_no_foreign_ones() -> None:
     assert not judged(wheels).complaint
 
 
+@pytest.mark.parametrize(
+    ("factor", "agrees"),
+    [(1.0, True), (1.04, True), (0.0, False), (1000.0, False), (0.5, False), (-1.0, False)],
+)
+def test_wheels_are_asked_in_the_dark_where_they_went_as_the_images_did(factor: float, agrees: bool) -> None:
+    assert judged(drive(TIMES) * [factor, factor, 1.0]).agrees == agrees
+
+
 def test_a_steady_turn_tells_nothing_of_the_clock() -> None:
     check, rate = OdometryCheck(), 0.4
     for t in TIMES:

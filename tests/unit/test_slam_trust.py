@@ -8,7 +8,7 @@ import pytest
 from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.pose import Pose
 from facetcam.slam.tracking import Fix
-from facetcam.slam.trust import Trust
+from facetcam.slam.trust import Reckoning, Trust
 
 SHARP, BLUNT = 0.3, 2.0  # pixels
 
@@ -68,6 +68,32 @@ def test_poses_that_jump_are_not_believed() -> None:
 def test_a_blunt_pose_in_one_view_is_never_believed() -> None:
     trust = doubting()
     assert not any(trust.believes(fix([0, 40, 0, 0], [60] * 4, BLUNT)) for _ in range(6))
+
+
+def test_wheels_bear_witness() -> None:
+    one_view = [0, 40, 0, 0]
+    here = Reckoning(np.eye(4), way=1.0)
+    assert doubting().believes(fix(one_view, [60] * 4, SHARP, 0.1), here)
+    assert not doubting().believes(fix(one_view, [60] * 4, BLUNT, 0.1), here)
+
+
+@pytest.mark.parametrize("residual", [SHARP, BLUNT])
+def test_what_the_wheels_deny_must_be_seen_again_and_again(residual: float) -> None:
+    """A robot that was carried off is found, a look-alike of a few frames is not believed."""
+    trust, elsewhere = doubting(), Reckoning(np.eye(4), way=1.0)
+    carried = fix([10, 16, 0, 18], [14, 21, 0, 160], residual, 0.3)
+    assert [trust.believes(carried, elsewhere) for _ in range(6)] == 5 * [False] + [True]
+
+
+def test_reckoning_allows_wheels_a_tenth_of_the_way() -> None:
+    ahead = np.eye(4)
+    ahead[1, 3] = 0.5
+    there = Reckoning(np.eye(4)).further(ahead).further(ahead)
+    np.testing.assert_allclose(there.T_world_rig[:3, 3], [0.0, 1.0, 0.0])
+    near, far = np.eye(4), np.eye(4)
+    near[1, 3], far[1, 3] = 1.14, 1.16
+    assert there.agrees(near)
+    assert not there.agrees(far)
 
 
 @pytest.mark.parametrize(("residual", "believed"), [(SHARP, True), (BLUNT, False)])

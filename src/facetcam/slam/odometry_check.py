@@ -29,6 +29,8 @@ _LEAST_SHARED = 0.5
 _UNPROVEN = 20.0  # factor by which a map whose scale is a guess may differ
 _STEP = 1e-3  # metres; what seems shorter is noise
 _SAME_WAY = 0.5  # cosine
+_RECENT = 20  # steps
+_LIKE_LENGTH, _LIKE_WAY = 0.7, 0.9  # ratio, cosine of steps that wheels and images agree on
 _UNLIKE_TURN = 2.0  # radians after which courses that differ belong to different drives
 
 
@@ -76,6 +78,14 @@ class OdometryCheck:
                     self._judge_ways(metric)
         self._last = None if T_world_rig is None else (timestamp, T_world_rig.copy())
         self._last_row = odometry
+
+    @property
+    def agrees(self) -> bool:
+        """True while wheels and images went the same way lately: such wheels can be asked in the dark."""
+        if self.complaint or len(self._lengths) < _RECENT:
+            return False
+        length, cosine = (float(np.median(x[-_RECENT:])) for x in (self._lengths, self._directions))
+        return _LIKE_LENGTH < length < 1.0 / _LIKE_LENGTH and cosine > _LIKE_WAY
 
     def _compare_ways(self, seen: Array, odometry: Array) -> None:
         if self._last_row is None:

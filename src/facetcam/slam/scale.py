@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _NULL = 1e-10  # information below this share of the largest is rounding
 _NULL_SHARE = 1e-4
+_LEAST_BESIDE = 30  # points in further views that can prove a scale: a few may all be mistaken
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +26,8 @@ class MapUncertainty:
     Attributes
     ----------
     scale_sigma : float
-        Relative standard deviation of the scale; inf where the images cannot tell it: one central camera, or
-        no motion.
+        Relative standard deviation of the scale; inf where the images cannot tell it: one central camera, no
+        motion, or hardly a point in any other view.
     covariance : (K, 6, 6) array
         Of right-hand twists of the frames; where the scale is unknown, at the scale that the map has.
     """
@@ -61,7 +62,15 @@ def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUn
     if np.sum(along[~known] ** 2) > _NULL_SHARE * np.sum(along**2):
         return MapUncertainty(np.inf, covariance)
     sigma = float(np.linalg.norm(direction @ half.reshape(6 * (K - 1), -1)))
-    return MapUncertainty(sigma if sigma < 1.0 else np.inf, covariance)
+    proven = sigma < 1.0 and _points_beside(bundle) >= _LEAST_BESIDE
+    return MapUncertainty(sigma if proven else np.inf, covariance)
+
+
+def _points_beside(bundle: Bundle) -> int:
+    """Count the points seen in other views than the one that sees most: the metre comes from these."""
+    seen = np.unique(np.column_stack([bundle.view, bundle.point]), axis=0)
+    fullest = np.bincount(seen[:, 0]).argmax()
+    return len(np.unique(seen[seen[:, 0] != fullest, 1]))
 
 
 def _root(known: RigCovariance | None) -> Array:

@@ -29,7 +29,7 @@ from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
-from facetcam.slam.trust import Trust
+from facetcam.slam.trust import Reckoning, Trust
 from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
 
 Array = NDArray[np.float64]
@@ -94,6 +94,7 @@ class Slam:
         self._covariance = np.zeros((6, 6))  # of the last pose
         self._lost_frames = 0
         self._trust = Trust(parts.optics.n_views)
+        self._reckoning: Reckoning | None = None  # of a lost rig
         self._placed = False  # in the map, at least once in this run
         self._continued = False  # a map of an earlier run
         self._localise_only = False
@@ -165,8 +166,9 @@ class Slam:
         with self._map.lock:
             predictions = self._predictions(frame.timestamp, odometry)
             with self._timed("track"):
-                fix = self._tracker.find(frame, *predictions)
-            found = fix is not None and self._trust.believes(fix)
+                proven = self.odometry_check.agrees
+                fix = self._tracker.find(frame, *(predictions if proven else predictions[::-1]))
+            found = fix is not None and self._trust.believes(fix, self._reckoned(odometry))
             due = fix is not None and found and self._accept(fix, frame.timestamp)
         if fix is None or not found:
             return self._miss(frame, predictions, odometry)
@@ -186,6 +188,12 @@ class Slam:
             return [inertial]
         return [last @ planar_motion(self._odometry, odometry, 0.0)[0], inertial]
 
+    def _reckoned(self, odometry: Array | None) -> Reckoning | None:
+        """Where wheels without a gap since the loss have carried a lost rig."""
+        if self._reckoning is None or odometry is None or self._odometry is None:
+            return None
+        return self._reckoning.further(planar_motion(self._odometry, odometry, 0.0)[0])
+
     def _accept(self, fix: Fix, timestamp: float) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
@@ -195,7 +203,7 @@ class Slam:
             self._step = timestamp - self._trajectory.last_timestamp
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
         self._trajectory.add(timestamp, fix.T_world_rig, nearest)
-        self._lost_frames, self._placed = 0, True
+        self._lost_frames, self._placed, self._reckoning = 0, True, None
         self._trust.accept()
         return is_due(fix, nearest, distance, self.config)
 
@@ -205,6 +213,9 @@ class Slam:
 
     def _miss(self, frame: Frame, predictions: list[Array], odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
+        if self._placed and not self._lost_frames and self.odometry_check.agrees:
+            self._reckoning = Reckoning(self._trajectory.last())
+        self._reckoning = self._reckoned(odometry)
         self._lost_frames += 1
         self._trust.lose()
         n_points = self._n_points

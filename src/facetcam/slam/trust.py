@@ -14,11 +14,34 @@ Array = NDArray[np.float64]
 
 _PROBATION = 5  # frames after a loss
 _AGAIN = 3  # frames that must find the same pose where none of them is sure
+_AGAINST_WHEELS = 6  # and where the wheels say something else
 _WITNESSES = 2  # views
 _LEAST_IN_VIEW = 5  # measurements without which a view is no witness
 _SHARE_IN_VIEW = 0.4  # of what was expected in it, by which a view is a witness by itself
 _SAME_METRES = 0.3
 _SAME_RADIANS = 0.3
+_WHEELS = 0.1  # relative error of way and turn beyond which wheels contradict a pose
+_WHEELS_FLOOR = (0.05, 0.05)  # metres, radians
+
+
+@dataclass(frozen=True, slots=True)
+class Reckoning:
+    """Where the wheels have carried a lost rig, and the way (m) and turn (rad) since it was seen last."""
+
+    T_world_rig: Array
+    way: float = 0.0
+    turn: float = 0.0
+
+    def further(self, T_step: Array) -> Reckoning:
+        """After one more step."""
+        turn, way = np.linalg.norm(se3.log(T_step).reshape(2, 3), axis=1)
+        return Reckoning(self.T_world_rig @ T_step, self.way + float(way), self.turn + float(turn))
+
+    def agrees(self, T_world_rig: Array) -> bool:
+        """Tell whether a pose is as near as good wheels would be."""
+        turn, way = np.linalg.norm(se3.log(se3.inverse(self.T_world_rig) @ T_world_rig).reshape(2, 3), axis=1)
+        near = way < _WHEELS_FLOOR[0] + _WHEELS * self.way and turn < _WHEELS_FLOOR[1] + _WHEELS * self.turn
+        return bool(near)
 
 
 @dataclass(slots=True)
@@ -26,7 +49,8 @@ class Trust:
     """Guards against look-alikes: repeated patterns may agree with a wrong pose for a frame or two.
 
     A pattern that repeats on one wall fools one view, hardly two at once. Each view counts by itself, since a
-    wall that hides what the map expects in one says nothing of the others.
+    wall that hides what the map expects in one says nothing of the others. Wheels bear witness too: a sharp
+    pose where they say needs one view less, and one elsewhere must be found again and again.
     """
 
     n_views: int
@@ -38,16 +62,19 @@ class Trust:
         """Doubt the next poses."""
         self._left = _PROBATION
 
-    def believes(self, fix: Fix) -> bool:
-        """Tell whether a pose is good enough now."""
+    def believes(self, fix: Fix, wheels: Reckoning | None = None) -> bool:
+        """Tell whether a pose is good enough now; `wheels` tell where a lost rig should be."""
         if not self._left:
             return True
-        sure = self._witnesses(fix) >= _WITNESSES
-        if not (sure or fix.sharp):
+        agreed = wheels is not None and wheels.agrees(fix.T_world_rig)
+        confirmed = self._witnesses(fix) + int(agreed and fix.sharp) >= _WITNESSES
+        if not (confirmed or fix.sharp):
             return False
         self._times = self._times + 1 if self._repeated(fix.T_world_rig) else 1
         self._hope = fix.T_world_rig
-        return sure or self._times >= _AGAIN
+        if wheels is None or agreed:
+            return confirmed or self._times >= _AGAIN
+        return self._times >= _AGAINST_WHEELS
 
     def _witnesses(self, fix: Fix) -> int:
         """Count the views that confirm a pose; the one of a rig with one view does for two."""
