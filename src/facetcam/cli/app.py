@@ -20,6 +20,7 @@ from facetcam.cli.map import info
 from facetcam.cli.simulate import simulate
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
+from facetcam.cli.view import view
 
 app = typer.Typer(
     name="facetcam",
@@ -50,7 +51,7 @@ def root(
     DEBUG.set(debug)
 
 
-for command in (demo, slam, simulate, unwrap, boards, calibrate, detect, design):
+for command in (demo, slam, view, simulate, unwrap, boards, calibrate, detect, design):
     app.command()(in_one_line(command))
 for comparison in (trajectory, detectors):
     evaluate.command()(in_one_line(comparison))

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from facetcam.cli.options import OutOption, output_folder
+from facetcam.cli.pages import keep_open
 from facetcam.cli.progress import progress_bar
 from facetcam.cli.tables import print_pairs
 
@@ -80,14 +81,6 @@ def design(
 
 def show_live(spec: str, folder: Path, port: int) -> None:
     """Keep the page open until Ctrl-C."""
-    import time
-
     from facetcam.pipelines.design_live import open_live_page
 
-    page = open_live_page(spec, folder, port)
-    print(f"facetcam design: open {page.address} in a browser; Ctrl-C ends it", flush=True)
-    try:
-        while True:
-            time.sleep(0.5)
-    finally:
-        page.stop()
+    keep_open(open_live_page(spec, folder, port), "design")

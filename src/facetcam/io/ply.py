@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from facetcam.errors import FacetcamError
+from facetcam.errors import FacetcamError, SourceError
 from facetcam.io.outputs import atomic_write
 
 VERTEX = np.dtype([("position", "<f4", 3), ("colour", "u1", 3)])
@@ -51,3 +51,23 @@ def write_ply(path: Path | str, points: ArrayLike, colours: ArrayLike) -> None:
     vertices = np.empty(len(positions), VERTEX)
     vertices["position"], vertices["colour"] = positions, rgb
     atomic_write(Path(path), HEADER.format(count=len(vertices)).encode() + vertices.tobytes())
+
+
+def read_ply(path: Path | str) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Read a cloud that `write_ply` wrote: positions (N, 3) in metres, and red, green, blue (N, 3).
+
+    Raises
+    ------
+    SourceError
+        If the file cannot be read, is another kind of PLY, or is cut off.
+    """
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise SourceError(f"{path}: {error.strerror}") from error
+    head, end, body = data.partition(b"end_header\n")
+    count = len(body) // VERTEX.itemsize
+    if head + end != HEADER.format(count=count).encode() or len(body) % VERTEX.itemsize:
+        raise SourceError(f"{path}: damaged, or not the map.ply of a run")
+    vertices = np.frombuffer(body, VERTEX)
+    return vertices["position"].astype(np.float64), vertices["colour"].copy()
