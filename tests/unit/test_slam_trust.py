@@ -77,6 +77,14 @@ def test_wheels_bear_witness() -> None:
     assert not doubting().believes(fix(one_view, [60] * 4, BLUNT, 0.1), here)
 
 
+def test_sharp_poses_that_go_on_from_a_believed_one_are_believed() -> None:
+    trust = doubting()
+    assert trust.believes(fix([10, 16, 0, 18], [14, 21, 0, 160], BLUNT))
+    trust.accept()
+    assert trust.believes(fix([0, 40, 0, 0], [60] * 4, SHARP, 0.1))
+    assert not trust.believes(fix([0, 40, 0, 0], [60] * 4, SHARP, 1.0))
+
+
 @pytest.mark.parametrize("residual", [SHARP, BLUNT])
 def test_what_the_wheels_deny_must_be_seen_again_and_again(residual: float) -> None:
     """A robot that was carried off is found, a look-alike of a few frames is not believed."""

@@ -87,8 +87,9 @@ class Trust:
         return int(confirms.sum()) + int(self.n_views == 1 and confirms[0])
 
     def accept(self) -> None:
-        """A pose was believed."""
+        """A pose was believed: sharp ones that go on from it are, too."""
         self._left = max(self._left - 1, 0)
+        self._times = max(self._times, _AGAIN)
         if not self._left:
             self._hope, self._times = None, 0
 
