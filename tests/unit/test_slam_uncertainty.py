@@ -11,7 +11,7 @@ from facetcam.geometry import se3
 from facetcam.slam.frame import Corners
 from facetcam.slam.map import Keyframe
 from facetcam.slam.optics import Optics
-from facetcam.slam.scale import map_uncertainty
+from facetcam.slam.scale import free_frames, map_uncertainty
 from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
 
 STEP = np.diag([0.01, 0.01, 0.02, 0.05, 0.05, 0.02]) ** 2
@@ -67,3 +67,18 @@ def test_covariance_of_frames_grows_away_from_the_held_one_and_with_the_noise() 
         assert np.linalg.eigvalsh(later).min() > 0.0
     doubled = map_uncertainty(bundle_of(optics, path, points, 2.0 * noise), optics, 1.0).covariance
     assert np.allclose(doubled[-1], 4.0 * found[-1], rtol=0.1)
+
+
+def test_what_is_open_against_several_held_frames_is_the_conditional_covariance() -> None:
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(8)
+    path = winding_path(5)
+    bundle = bundle_of(optics, path, in_sight(optics, path, rng, 600), rng.normal(0.0, 0.5, (20000, 2)))
+    bundle.fixed = np.arange(5) < 1
+    half = free_frames(bundle, optics, 0.5).spread
+    joint = half @ half.T
+    held, free = slice(0, 12), slice(12, 24)
+    left = joint[free, free] - joint[free, held] @ np.linalg.solve(joint[held, held], joint[held, free])
+    bundle.fixed = np.arange(5) < 3
+    found = free_frames(bundle, optics, 0.5).covariance
+    assert np.allclose(found[0], left[:6, :6], rtol=1e-3, atol=1e-3 * np.abs(left).max())
+    assert np.allclose(found[1], left[6:, 6:], rtol=1e-3, atol=1e-3 * np.abs(left).max())

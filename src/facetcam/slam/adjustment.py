@@ -12,6 +12,7 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import map_uncertainty
+from facetcam.slam.shutter import sweep
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -82,6 +83,7 @@ class Adjuster:
         found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
         for keyframe, covariance in zip(self._map.keyframes, found.covariance):
             keyframe.covariance = covariance
+        self._map.readout += found.readout_step
         return found.scale_sigma
 
     def whole(self) -> Bundle | None:
@@ -107,7 +109,7 @@ class Adjuster:
             self._map.points.xyz[used] = xyz
             for keyframe, T, factor in zip(keyframes, poses, growth):
                 keyframe.T_world_rig = T
-                keyframe.scale *= factor
+                keyframe.grow(float(factor))
             if loss == _LOSS:
                 self._cull(keyframes, used)
 
@@ -117,6 +119,9 @@ class Adjuster:
         point = np.concatenate([k.observations.point[r] for k, r in zip(keyframes, rows)])
         used, index = np.unique(point, return_inverse=True)
         fixed = np.arange(len(keyframes)) < n_fixed
+        swept = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
+        plane = np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)])
+        readout = self._map.readout
         bundle = Bundle(
             T_world_rig=np.stack([k.T_world_rig for k in keyframes]),
             fixed=fixed,
@@ -124,10 +129,18 @@ class Adjuster:
             frame=np.repeat(np.arange(len(keyframes)), [int(r.sum()) for r in rows]),
             view=np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64),
             point=index,
-            plane=np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)]),
+            plane=plane - readout * swept,
             motions=self._motions(keyframes, n_fixed),
+            readout=readout,
+            sweep=swept,
         )
         return bundle, used
+
+    def _sweep(self, keyframe: Keyframe, rows: NDArray[np.bool_]) -> Array:
+        """What a second of readout does to some observations of a keyframe."""
+        seen, T = keyframe.observations, keyframe.T_world_rig
+        xyz = self._map.points.xyz[seen.point[rows]]
+        return sweep(T, keyframe.velocity, xyz, seen.view[rows], seen.pixels[rows], self._optics)
 
     def _motions(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
         """Odometry between neighbours in time, and a loose hold on a scale that nothing else may hold."""
@@ -156,6 +169,7 @@ class Adjuster:
             seen = keyframe.observations
             points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), points.xyz[seen.point])
             plane, depth = self._optics.to_plane(points_rig, seen.view)
+            plane += self._map.readout * self._sweep(keyframe, np.ones(len(seen), dtype=bool))
             fits = (np.linalg.norm(plane - seen.plane, axis=1) < self._config.gate) & (depth > 0)
             seen.keep(fits & points.alive[seen.point])
         counts = np.bincount(

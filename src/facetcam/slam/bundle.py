@@ -50,6 +50,10 @@ class Bundle:
         Where it was seen, in pixels of the view's ideal pinhole (`Optics.plane`).
     motions : list of RelativePose
         Odometry between frames.
+    readout : float
+        Seconds from the first row to the last, by which `plane` has been corrected.
+    sweep : (M, 2) array or None
+        Pixels by which a second of readout shifts each observation; None for a shutter known to be global.
     """
 
     T_world_rig: Array
@@ -60,6 +64,8 @@ class Bundle:
     point: Index
     plane: Array
     motions: list[RelativePose] = field(default_factory=list)
+    readout: float = 0.0
+    sweep: Array | None = None
 
 
 def adjust(

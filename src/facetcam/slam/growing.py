@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
+_LAST_ROUNDS = 4
+_READOUT_STEP = 2e-4  # seconds below which the readout of the shutter has settled
 
 
 class Grower:
@@ -66,6 +68,9 @@ class Grower:
         keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self._config.gate)
         with self._map.lock:
             trajectory.rehang(keyframe)
+            for recent in self._map.keyframes[-self._config.window :]:
+                if recent.session == keyframe.session:
+                    recent.velocity = trajectory.velocity(recent.timestamp)
             for settled in self._map.keyframes[self._places.indexed : -self._config.window]:
                 self._places.add(settled)
                 settled.corners = Corners.none()  # the index has what is worth keeping
@@ -81,8 +86,14 @@ class Grower:
 
         It is done whenever the map has grown by a fixed share, so that its cost a frame stays bounded.
         """
-        self._adjuster.adjust_all(last)
-        self.judge()
+        if not self.metric:
+            self._mapper.seek_scale()
+        for _ in range(_LAST_ROUNDS if last else 1):
+            readout = self._map.readout
+            self._adjuster.adjust_all(last)
+            self.judge()
+            if abs(self._map.readout - readout) < _READOUT_STEP:
+                break
         self._settle()
 
     def judge(self) -> None:

@@ -13,10 +13,20 @@ from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import linearise
+from facetcam.slam.shutter import READOUT_SIGMA
 
 Array = NDArray[np.float64]
 
 _STEP = 0.1  # standard deviations by which a number of the rig is moved for its derivative
+
+
+@dataclass(frozen=True, slots=True)
+class Shutter:
+    """Equation of the readout: by each pose (6K,), weight and gradient, its prior included."""
+
+    by_pose: Array
+    weight: float
+    gradient: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +39,8 @@ class Information:
     joint : (6K, R) array
     rig : (R, R) array
     pose_gradient, rig_gradient : (6K,), (R,) arrays
+    shutter : Shutter
+        What they say of the readout, which is eliminated too.
     """
 
     poses: Array
@@ -36,6 +48,7 @@ class Information:
     rig: Array
     pose_gradient: Array
     rig_gradient: Array
+    shutter: Shutter
 
 
 def information(
@@ -54,17 +67,26 @@ def information(
     # All measurements of a point come from one reference patch: they count as one, not as many.
     root = np.sqrt(P / M * weight / max(variance, 1e-6))[:, None, None]
     by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, optics, known)
+    by_shutter = np.zeros((M, 2)) if bundle.sweep is None else bundle.sweep
+    by_rig = np.concatenate([by_rig, by_shutter[:, :, None]], axis=2)
     A, B = _blocks(root * J, bundle.frame, K), _blocks(root * by_point, bundle.point, P)
     C, r = (root * by_rig).reshape(2 * M, -1), (root[:, :, 0] * residual).ravel()
     V_inverse = _inverse_blocks((B.T @ B).tobsr((3, 3)), P)
     W = A.T @ B
     through, pull, rest = V_inverse @ (B.T @ C), V_inverse @ (B.T @ r), B.T @ C
+    poses = np.asarray((A.T @ A - W @ V_inverse @ W.T).todense())
+    joint, rig = A.T @ C - W @ through, C.T @ C - rest.T @ through
+    pose_gradient, rig_gradient = A.T @ r - W @ pull, C.T @ r - rest.T @ pull
+    u, w = joint[:, -1], rig[:-1, -1]
+    h = float(rig[-1, -1]) + READOUT_SIGMA**-2
+    g = float(rig_gradient[-1]) + READOUT_SIGMA**-2 * bundle.readout
     return Information(
-        poses=np.asarray((A.T @ A - W @ V_inverse @ W.T).todense()),
-        joint=A.T @ C - W @ through,
-        rig=C.T @ C - rest.T @ through,
-        pose_gradient=A.T @ r - W @ pull,
-        rig_gradient=C.T @ r - rest.T @ pull,
+        poses=poses - np.outer(u, u) / h,
+        joint=joint[:, :-1] - np.outer(u, w) / h,
+        rig=rig[:-1, :-1] - np.outer(w, w) / h,
+        pose_gradient=pose_gradient - g / h * u,
+        rig_gradient=rig_gradient[:-1] - g / h * w,
+        shutter=Shutter(u, h, g),
     )
 
 

@@ -243,4 +243,4 @@ def move_map(map: Map, T_world_rig: Array, growth: Array) -> None:
         points.xyz[rows] = se3.transform(T, factor * local)
         points.tangent[rows] = factor * (turn @ points.tangent[rows])
         keyframe.T_world_rig = T
-        keyframe.scale *= float(factor)
+        keyframe.grow(float(factor))

@@ -69,6 +69,12 @@ class Keyframe:
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
     covariance: Array | None = None  # (6, 6) against the first keyframe, since the map was last judged
     session: int = 0  # the run that made it; wheels and window do not reach over runs
+    velocity: Array = field(default_factory=lambda: np.zeros(6))  # right-hand twist a second
+
+    def grow(self, factor: float) -> None:
+        """Note that the map round this keyframe has been scaled."""
+        self.scale *= factor
+        self.velocity[3:] *= factor
 
 
 class Points:
@@ -150,6 +156,7 @@ class Map:
         """Forget everything."""
         self.points = Points()
         self.keyframes: list[Keyframe] = []
+        self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
 
     def poses(self) -> Array:
         """Poses (K, 4, 4) of the keyframes."""

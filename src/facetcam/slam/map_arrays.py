@@ -38,6 +38,7 @@ def _keyframes(map: Map) -> Arrays:
         "keyframes.odometry": np.array(wheels, np.float64).reshape(-1, 3),
         "keyframes.measured": np.array([k.measured for k in keyframes], np.int32),
         "keyframes.session": np.array([k.session for k in keyframes], np.int32),
+        "keyframes.velocity": np.array([k.velocity for k in keyframes], np.float64).reshape(-1, 6),
     }
 
 
@@ -100,6 +101,8 @@ def _keyframe(arrays: Arrays, k: int, optics: Optics) -> Keyframe:
         measured=int(arrays["keyframes.measured"][k]),
         session=int(arrays["keyframes.session"][k]),
     )
+    if "keyframes.velocity" in arrays:  # not in the first maps
+        keyframe.velocity = arrays["keyframes.velocity"][k].copy()
     first, last = np.searchsorted(arrays["observations.keyframe"], [k, k + 1])
     view = arrays["observations.view"][first:last]
     pixels = arrays["observations.pixels"][first:last].astype(np.float64)

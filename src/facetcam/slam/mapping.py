@@ -14,6 +14,7 @@ from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
+from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -151,6 +152,20 @@ class Mapper:
         near = np.linalg.norm(found.pixels - predictions.pixels[hit], axis=1) < self._config.gate
         found = found.take(near)
         other.observations.append(found.point, found.view, found.pixels, found.plane)
+
+    def seek_scale(self) -> None:
+        """Go over to another scale where the views bear it out far better than the present one."""
+        window, lock = self._adjuster.window, self._map.lock
+        factor = better_scale(found_elsewhere(self._map, window, self._optics, self._config))
+        if factor is None:
+            return
+        with lock:
+            rescale(self._map, factor, self._optics)
+        self._adjuster.adjust_coarsely()
+        for keyframe in window:
+            for other in window:
+                with lock:
+                    self._refind(keyframe, other)
 
     def _forget_images(self) -> None:
         for keyframe in self._map.keyframes[: -self._config.window]:

@@ -30,10 +30,13 @@ class MapUncertainty:
         motion, or hardly a point in any other view.
     covariance : (K, 6, 6) array
         Of right-hand twists of the frames; where the scale is unknown, at the scale that the map has.
+    readout_step : float
+        Seconds by which another readout of the shutter would explain the images better.
     """
 
     scale_sigma: float
     covariance: Array
+    readout_step: float = 0.0
 
 
 def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUncertainty:
@@ -47,23 +50,17 @@ def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUn
     centres = bundle.T_world_rig[:, :3, 3] - bundle.T_world_rig[0, :3, 3]
     if K < 2 or np.linalg.norm(centres) < 1e-6:
         return MapUncertainty(np.inf, np.zeros((K, 6, 6)))
-    found = information(bundle, optics, pixel_sigma, optics.rig.covariance)
-    values, vectors = np.linalg.eigh(found.poses[6:, 6:])  # the first frame is held
-    known = values > _NULL * values[-1]
-    spread = vectors[:, known] / np.sqrt(values[known])
-    wrong_rig = -spread @ (spread.T @ found.joint[6:]) @ _root(optics.rig.covariance)
-    half = np.column_stack([spread, wrong_rig]).reshape(K - 1, 6, -1)
-    covariance = np.concatenate([np.zeros((1, 6, 6)), half @ np.swapaxes(half, 1, 2)])
+    open_ = free_frames(bundle, optics, pixel_sigma)
+    covariance = np.concatenate([np.zeros((1, 6, 6)), open_.covariance])
     # A scale change moves each frame along its own axes by R' (c_k - c_0).
     scale = np.zeros((K - 1, 6))
     scale[:, 3:] = np.einsum("kji,kj->ki", bundle.T_world_rig[1:, :3, :3], centres[1:])
     direction = scale.ravel() / np.sum(scale**2)
-    along = vectors.T @ direction
-    if np.sum(along[~known] ** 2) > _NULL_SHARE * np.sum(along**2):
-        return MapUncertainty(np.inf, covariance)
-    sigma = float(np.linalg.norm(direction @ half.reshape(6 * (K - 1), -1)))
+    if np.sum((direction @ open_.unseen) ** 2) > _NULL_SHARE * np.sum(direction**2):
+        return MapUncertainty(np.inf, covariance, open_.readout_step)
+    sigma = float(np.linalg.norm(direction @ open_.spread))
     proven = sigma < 1.0 and _points_beside(bundle) >= _LEAST_BESIDE
-    return MapUncertainty(sigma if proven else np.inf, covariance)
+    return MapUncertainty(sigma if proven else np.inf, covariance, open_.readout_step)
 
 
 def _points_beside(bundle: Bundle) -> int:
@@ -71,6 +68,45 @@ def _points_beside(bundle: Bundle) -> int:
     seen = np.unique(np.column_stack([bundle.view, bundle.point]), axis=0)
     fullest = np.bincount(seen[:, 0]).argmax()
     return len(np.unique(seen[seen[:, 0] != fullest, 1]))
+
+
+@dataclass(frozen=True, slots=True)
+class FreeFrames:
+    """What is open of the F frames of a bundle that are not held.
+
+    Attributes
+    ----------
+    spread : (6F, N) array
+        Independent errors of one standard deviation, as right-hand twists of all frames together.
+    unseen : (6F, M) array
+        Orthonormal directions of which the images tell nothing; `spread` leaves them out.
+    readout_step : float
+        As in `MapUncertainty`.
+    """
+
+    spread: Array
+    unseen: Array
+    readout_step: float
+
+    @property
+    def covariance(self) -> Array:
+        """Of each frame, (F, 6, 6)."""
+        half = self.spread.reshape(-1, 6, self.spread.shape[1])
+        return np.asarray(half @ np.swapaxes(half, 1, 2))
+
+
+def free_frames(bundle: Bundle, optics: Optics, pixel_sigma: float) -> FreeFrames:
+    """Uncertainty of the frames of a bundle against those that are held, which come first."""
+    first = 6 * int(np.count_nonzero(bundle.fixed))
+    found = information(bundle, optics, pixel_sigma, optics.rig.covariance)
+    values, vectors = np.linalg.eigh(found.poses[first:, first:])
+    known = values > _NULL * values[-1]
+    seen = vectors[:, known] / np.sqrt(values[known])
+    wrong_rig = -seen @ (seen.T @ found.joint[first:]) @ _root(optics.rig.covariance)
+    shutter = found.shutter
+    poses_step = -seen @ (seen.T @ found.pose_gradient[first:])
+    readout_step = -(shutter.gradient + shutter.by_pose[first:] @ poses_step) / shutter.weight
+    return FreeFrames(np.column_stack([seen, wrong_rig]), vectors[:, ~known], float(readout_step))
 
 
 def _root(known: RigCovariance | None) -> Array:

@@ -118,6 +118,7 @@ class Starter:
         b = self._mapper.insert(
             new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE
         )
+        self._mapper.seek_scale()
         solved, share = self._between(a, b)
         if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()

@@ -12,6 +12,8 @@ from facetcam.slam.map import Keyframe
 
 Array = NDArray[np.float64]
 
+_NEAR = 0.3  # seconds within which a motion goes on
+
 
 @dataclass(frozen=True, slots=True)
 class _Hung:
@@ -43,6 +45,18 @@ class Trajectory:
             if self._frames[i].timestamp == keyframe.timestamp:
                 self._frames[i] = _Hung(keyframe.timestamp, keyframe, np.eye(4), keyframe.scale)
                 return
+
+    def velocity(self, timestamp: float) -> Array:
+        """Right-hand twist (6,) a second at a frame, from its neighbours in time; zero without any."""
+        times = np.array([f.timestamp for f in self._frames])
+        near = np.flatnonzero(np.abs(times - timestamp) < _NEAR)
+        if len(near) < 2:
+            return np.zeros(6)
+        near = near[np.argsort(times[near], kind="stable")]
+        at = int(np.searchsorted(times[near], timestamp))
+        a, b = near[max(at - 1, 0)], near[min(at + 1, len(near) - 1)]
+        T_a_b = se3.inverse(self._frames[a].T_world_rig()) @ self._frames[b].T_world_rig()
+        return np.asarray(se3.log(T_a_b) / (times[b] - times[a]))
 
     @property
     def last_timestamp(self) -> float:

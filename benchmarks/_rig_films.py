@@ -1,0 +1,150 @@
+"""Films of a furnished house for `slam_rigs.py`: several rigs, rooms, lights and ways to move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.design.family import make_rig
+from facetcam.design.spec import read_spec
+from facetcam.errors import SourceError
+from facetcam.geometry import se3
+from facetcam.io.trajectories import write_tum
+from facetcam.pipelines.simulate import run_simulate
+from facetcam.pipelines.simulate_inputs import Options
+from facetcam.rig import Camera, Rig, View, presets
+from facetcam.simulation.drive import through
+
+Array = NDArray[np.float64]
+
+DESIGNS = Path(__file__).parents[1] / "examples" / "designs"
+FPS, SPEED, WIDTH = 10.0, 0.75, 1000
+
+# Waypoints in metres: round the dining table, round a partition of the bedroom, through the living room.
+DINING = [(4.0, 0.6), (5.1, -0.7), (6.6, -1.2), (7.9, -0.5), (8.3, 1.0), (7.9, 2.4), (6.5, 2.65), (5.2, 2.1)]
+BEDROOM = [(-1.2, -0.7), (-2.7, -0.3), (-4.3, 0.1), (-6.2, 0.1), (-8.0, -0.1), (-8.9, -1.4), (-7.6, -2.7)]
+LIVING = [(-1.6, 0.6), (-0.6, 1.9), (0.9, 2.8), (2.6, 2.4), (4.0, 0.9), (3.9, -1.2), (3.0, -3.2), (1.0, -3.9)]
+
+BUILD = "build: {tilt_degrees: 0.3, shift_mm: 0.2, camera_degrees: 0.2, camera_mm: 0.2, focal_percent: 0.3}\n"
+EVEN = "camera: {samples: 2, exposure_time: 0.004, readout: 0.01, vignetting: 0.3}\n" + BUILD
+POOR = """
+camera: {samples: 2, exposure_time: 0.02, readout: 0.02, vignetting: 0.6, lag: 0.8}
+light:
+  ambient: [0.06, 0.06, 0.06]
+  sky: [0.1, 0.11, 0.14]
+  lamps:
+  - position: [4.6, 0.2, 2.1]
+    power: 0.8
+    schedule: [{at: 3, do: flicker}, {at: 6, do: dim, level: 0.3, over: 1}]
+  - {position: [7.0, -2.0, 2.1], power: 0.8, schedule: [{at: 5, do: off}, {at: 9, do: on}]}
+  - {position: [8.0, 2.2, 2.1], power: 0.8, schedule: [{at: 8, do: flicker}]}
+  - {position: [3.0, -1.5, 2.1], power: 0.8}
+"""
+
+
+def resized(rig: Rig, width: int) -> Rig:
+    """The same rig with a sensor of another resolution."""
+    c, s = rig.camera, width / rig.camera.width
+    size = {"width": width, "height": round(c.height * s), "fx": c.fx * s, "fy": c.fy * s}
+    return replace(rig, camera=replace(c, **size, cx=(c.cx + 0.5) * s - 0.5, cy=(c.cy + 0.5) * s - 0.5))
+
+
+def with_lens(rig: Rig) -> Rig:
+    """The rig behind a lens that distorts."""
+    return replace(rig, camera=replace(rig.camera, distortion=(-0.08, 0.03, 3e-4, -2e-4, 0.0)))
+
+
+def ahead() -> Rig:
+    """One ordinary camera without mirrors that looks ahead."""
+    T = se3.from_rotation_translation([[1, 0, 0], [0, 0, 1], [0, -1, 0]], [0.0, 0.0, 0.0])
+    camera = Camera("brown-conrady", 1600, 1200, 1100.0, 1100.0, 799.5, 599.5, (0.0,) * 5)
+    return Rig(camera, T, {}, {"direct": View(())})
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film to be made: rig, way, roughness (1: ramps of 15 cm, tilts of some degrees), light."""
+
+    name: str
+    rig: Callable[[], Rig]
+    way: list[tuple[float, float]]
+    rough: float = 0.0
+    settings: str = EVEN
+    frames: int = 110
+    seed: int = 1
+
+    @property
+    def slug(self) -> str:
+        return self.name.replace(" ", "-").replace(",", "")
+
+
+FILMS = (
+    Film("ryu, rough", lambda: with_lens(presets.ryu()), BEDROOM, rough=1.0, seed=11),
+    Film("pyramid, rough", presets.pyramid, DINING, rough=1.0, seed=12),
+    Film("ryu, poor light", lambda: with_lens(presets.ryu()), DINING, 0.3, POOR + BUILD, seed=13),
+    Film(
+        "five wide faces",
+        lambda: make_rig(read_spec(DESIGNS / "five-face-pyramid.yaml")),
+        LIVING,
+        0.5,
+        frames=80,
+        seed=14,
+    ),
+    Film(
+        "stereo adapter",
+        lambda: Rig.load(DESIGNS / "stereo-adapter-rig.yaml"),
+        LIVING[::-1],
+        0.5,
+        frames=80,
+        seed=15,
+    ),
+    Film("one camera", lambda: with_lens(ahead()), LIVING, 0.5, frames=80, seed=16),
+    Film("table", lambda: presets.table(width=0.12, height=0.1), DINING[::-1], 0.3, frames=80, seed=17),
+    Film("ryu, six faces", lambda: presets.ryu(faces=6, depth=0.045), LIVING, 0.0, frames=80, seed=18),
+)
+
+
+def path_of(film: Film) -> tuple[Array, Array]:
+    """Times and poses: a drive along the film's way, over ramps and bumps, with pitch and roll."""
+    drive = through(np.array(film.way), FPS, SPEED)
+    times, poses = drive.times[: film.frames], drive.poses[: film.frames].copy()
+    rng = np.random.default_rng(film.seed)
+    climb, pitch, roll = (_wave(times, rng, slow) for slow in (4.0, 1.5, 2.0))
+    for T, up, nose, side in zip(poses, 0.15 * climb, np.radians(4.0) * pitch, np.radians(3.0) * roll):
+        T[:3, :3] = T[:3, :3] @ se3.exp(film.rough * np.array([nose, side, 0, 0, 0, 0]))[:3, :3]
+        T[2, 3] += film.rough * up
+    return times, poses
+
+
+def _wave(times: Array, rng: np.random.Generator, period: float) -> Array:
+    """Smooth noise of about unit height, 0 at first."""
+    phases, periods = rng.uniform(0, 2 * np.pi, 4), period * rng.uniform(0.6, 2.5, 4)
+    wave = np.sin(2 * np.pi * times[:, None] / periods + phases).sum(axis=1) / 2.0
+    return np.asarray(wave - wave[0])
+
+
+def render(film: Film, scene: Path, cache: Path, threads: int | None = None) -> Path:
+    """Folder of a film with its truth; what is missing is rendered, what was cut short goes on."""
+    folder = cache / film.slug
+    inputs = cache / f"{film.slug}-inputs"
+    out = folder / "film.mp4"
+    if out.exists() and not (folder / "frames").exists():
+        return folder
+    inputs.mkdir(parents=True, exist_ok=True)
+    rig, path, settings = (inputs / name for name in ("rig.yaml", "path.tum", "settings.yaml"))
+    if not rig.exists():
+        resized(film.rig(), WIDTH).save(rig)
+    write_tum(path, *path_of(film))
+    settings.write_text(film.settings)
+    options = Options(scene, rig, path, settings=settings, seed=film.seed)
+    try:
+        done = run_simulate(options, folder, resume=folder.exists(), threads=threads)
+    except SourceError as error:
+        raise SystemExit(f"{error}; {folder} was made by an older version, delete it") from error
+    for warning in done.warnings:
+        print(f"{film.name}: {warning}")
+    return folder

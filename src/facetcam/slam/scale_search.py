@@ -1,0 +1,95 @@
+"""Which scale the views bear out: what one view has mapped must be found in the others.
+
+A map of a wrong scale keeps the few sightings in other views that happen to fit it, and these confirm it. So
+before a scale is believed others are tried, each as a prediction of its own.
+"""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.map import Keyframe, Map, Points
+from facetcam.slam.measure import measure, predict
+from facetcam.slam.optics import Optics
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FACTORS = np.geomspace(0.2, 5.0, 41)  # the middle one is the scale as it is
+_KEYFRAMES = 4  # whose images are searched, at most
+_POINTS = 300  # of each
+_CLEARLY = 1.5  # times as many points must be found as at the present scale
+_LEAST_FOUND = 30
+_PEAK = 0.8  # of the best count
+
+
+def first_sights(map: Map) -> tuple[NDArray[np.int8], Index]:
+    """View (N,) and keyframe (N,) that saw each map point first, -1 where none did."""
+    views, keyframes = np.full(len(map.points), -1, np.int8), np.full(len(map.points), -1)
+    for keyframe in reversed(map.keyframes):
+        seen = keyframe.observations
+        views[seen.point[::-1]] = seen.view[::-1]
+        keyframes[seen.point] = keyframe.index
+    return views, keyframes
+
+
+def found_elsewhere(map: Map, keyframes: list[Keyframe], optics: Optics, config: SlamConfig) -> Array:
+    """How many points (F,) are found in other views than the one that saw them first, at each of the factors.
+
+    Seen from the view that mapped it, a point of another scale lies elsewhere on the same ray.
+    """
+    views, counts = first_sights(map)[0], np.zeros(len(_FACTORS))
+    for keyframe in [k for k in keyframes if k.frame is not None][-_KEYFRAMES:]:
+        ids = map.observed_points([keyframe])
+        ids = ids[:: 1 + len(ids) // _POINTS]
+        for i, factor in enumerate(_FACTORS):
+            points = _scaled(map.points, ids, views, keyframe, float(factor), optics)
+            expected = predict(points, ids, keyframe.T_world_rig, optics)
+            expected = expected.take(expected.view != views[expected.point])
+            assert keyframe.frame is not None
+            found, hit = measure(keyframe.frame, expected, points, optics, config)
+            shift = np.linalg.norm(found.pixels - expected.pixels[hit], axis=1)
+            counts[i] += np.count_nonzero(shift < config.gate)
+    return counts
+
+
+def _scaled(
+    points: Points, ids: Index, views: NDArray[np.int8], keyframe: Keyframe, factor: float, optics: Optics
+) -> Points:
+    """The points, some of them at another distance from the views that saw them first."""
+    moved = copy.copy(points)
+    moved.xyz, moved.tangent = points.xyz.copy(), points.tangent * factor
+    centres = se3.transform(keyframe.T_world_rig, optics.origins(views[ids]))
+    moved.xyz[ids] = centres + factor * (points.xyz[ids] - centres)
+    return moved
+
+
+def better_scale(counts: Array) -> float | None:
+    """Factor at which far more points are found than at the present scale, if there is one."""
+    best, present = counts.max(), counts[len(_FACTORS) // 2]
+    if best < _LEAST_FOUND or best <= _CLEARLY * present:
+        return None
+    # Patches are drawn in from some pixels away, so the peak is flat: its middle counts.
+    peak = _FACTORS[counts > _PEAK * best]
+    return float(np.exp(np.median(np.log(peak))))
+
+
+def rescale(map: Map, factor: float, optics: Optics) -> None:
+    """Scale a map about its first keyframe; only sightings in the views that saw points first are kept."""
+    views, first = first_sights(map)
+    origin = map.keyframes[0].T_world_rig[:3, 3]
+    for keyframe in map.keyframes:
+        rows = np.flatnonzero(first == keyframe.index)
+        T = keyframe.T_world_rig.copy()
+        T[:3, 3] = origin + factor * (T[:3, 3] - origin)
+        before, after = (se3.transform(P, optics.origins(views[rows])) for P in (keyframe.T_world_rig, T))
+        map.points.xyz[rows] = after + factor * (map.points.xyz[rows] - before)
+        map.points.tangent[rows] *= factor
+        keyframe.T_world_rig = T
+        keyframe.grow(factor)
+        keyframe.observations.keep(keyframe.observations.view == views[keyframe.observations.point])
