@@ -8,6 +8,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
@@ -18,6 +21,13 @@ def data_folder() -> Path:
     if not folder.is_dir():
         sys.exit(f"{folder}: no data there, nothing measured; set FACETCAM_DATA")
     return folder
+
+
+def photographs(count: int = 20) -> list[NDArray[np.uint8]]:
+    """Grey photographs of a kitchen, evenly out of the whole film."""
+    paths = sorted((data_folder() / "kitchen").glob("*.jpg"))
+    chosen = paths[:: len(paths) // count][:count]
+    return [np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), np.uint8) for path in chosen]
 
 
 def machine() -> str:

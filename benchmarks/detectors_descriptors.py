@@ -8,7 +8,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from _common import data_folder, show
+from _common import data_folder, photographs, show
 
 from facetcam.evaluation.datasets import find_sequences
 from facetcam.evaluation.detectors import Pair, score_pairs
@@ -61,10 +61,9 @@ def sets() -> dict[str, list[Pair]]:
         sequence = next(find_sequences(data_folder() / "oxford" / name))
         first, *others = sequence.images()
         found[name] = [(first, other, H) for other, H in zip(others, sequence.homographies, strict=True)]
-    paths = sorted((data_folder() / "kitchen").glob("*.jpg"))
-    images = [cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) for path in paths[:: len(paths) // PHOTOGRAPHS]]
+    images = photographs(PHOTOGRAPHS)
     for name, change in changes().items():
-        found[name] = [(image, *change(image)) for image in images[:PHOTOGRAPHS]]
+        found[name] = [(image, *change(image)) for image in images]
     return found
 
 

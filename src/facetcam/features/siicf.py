@@ -21,7 +21,7 @@ from facetcam.features.keypoints import Keypoints
 from facetcam.features.paper import PaperParameters, paper_rows
 from facetcam.features.peaks import strongest
 
-MODES = {"robust": (0.01, 0.02), "paper": (0.04, 500.0)}  # alpha, threshold
+MODES = {"robust": (0.01, 0.019), "paper": (0.04, 500.0)}  # alpha, threshold
 
 _NO_TABLE = np.zeros(0, np.int16)
 _VALUE_UNIT, _LARGEST, _MIDDLE = 512.0, 1023.0, 1.7  # fixed point of cpp/corner_kernels.hpp and light.cpp
@@ -60,7 +60,7 @@ class SIICFOptions:
     alpha : float
         Of Harris' det H - alpha trace^2 H, equation 5; None takes 0.01 (robust) or 0.04 (paper).
     threshold : float
-        Least response; None takes 0.02 (robust) or 500 (paper). A robust response comes from gradients of
+        Least response; None takes 0.019 (robust) or 500 (paper). A robust response comes from gradients of
         the logarithm, so this is a contrast whatever the light; lower it for more, weaker corners.
     spread : int
         Robust: 0 keeps the strongest anywhere. Otherwise the side in pixels of square cells: the best of
