@@ -18,7 +18,7 @@ from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
-from facetcam.rig import Camera, Rig, presets
+from facetcam.rig import Camera, Mirror, Rig, presets
 from facetcam.rig.camera import BROWN_CONRADY, KANNALA_BRANDT
 
 BROWN = Camera(BROWN_CONRADY, 1600, 1200, 1240.0, 1250.0, 803.0, 590.0, (-0.1, 0.03, 3e-4, -2e-4, 0.004))
@@ -111,3 +111,15 @@ def test_refuses_sightings_that_give_no_pose() -> None:
     line = Sighting(0, 0, np.arange(5), np.stack([np.arange(5) * 30.0, np.zeros(5)], axis=1), False)
     with pytest.raises(FacetcamError, match="span an area"):
         solve(presets.ryu(), BoardSet(set.boards, True), [line])
+
+
+def test_rigs_in_other_frames_are_compared() -> None:
+    rig = presets.ryu()
+    T = se3.exp(np.array([0.3, -0.8, 1.9, 0.4, -0.2, 0.6]))
+    mirrors = {
+        name: Mirror.from_polygon(name, se3.transform(T, m.polygon)) for name, m in rig.mirrors.items()
+    }
+    other = replace(rig, T_rig_cam=T @ rig.T_rig_cam, mirrors=mirrors)
+    points = room_points(rig, list(rig.views), 50)
+    assert projection_difference(rig, other, points).rms < 1e-6
+    assert projection_difference(rig, other, points, align=False).rms > 10.0

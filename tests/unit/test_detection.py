@@ -8,11 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from board_photos import photo
 from numpy.typing import NDArray
 
 from facetcam.calibration import Board, BoardSet
 from facetcam.calibration.corners import refine
 from facetcam.calibration.detection import detect
+from facetcam.calibration.markers import read_markers
 from facetcam.viz.board_pages import PAGES, draw_board, place, to_bytes
 
 DPI = 120
@@ -136,3 +138,16 @@ def test_a_corner_cut_by_a_seam_is_refused() -> None:
     seam[:, int(corner[0]) + 2 :] = 0
     assert not refine(seam, corner, square)[1].any()
     assert not refine(image, [[1e9, np.nan], [-5.0, 3.0]], square)[1].any()
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_codes_of_other_boards_change_nothing(mirrored: bool) -> None:
+    board = Board("far", "charuco", (6, 5), 0.03, 0.022, "DICT_5X5_250", first_id=100)
+    image = cv2.flip(photo(board), 1) if mirrored else photo(board)
+    everything = read_markers(image, board, mirrored)
+    few = read_markers(image, board, mirrored, np.array(board.ids))
+    assert len(few.ids) == len(board.ids)
+    np.testing.assert_array_equal(np.sort(everything.ids), np.array(board.ids))
+    np.testing.assert_array_equal(few.ids, everything.ids)
+    np.testing.assert_array_equal(few.quads, everything.quads)
+    assert not len(read_markers(image, board, mirrored, np.arange(100)).ids)
