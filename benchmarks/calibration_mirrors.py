@@ -20,6 +20,7 @@ from _common import data_folder, show
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.chessboards import detect_chessboards
 from facetcam.calibration.completion import find_glass
+from facetcam.calibration.creep import CHANCE, creeps
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.hand_mirror import solve_hand_mirror
 from facetcam.calibration.least_squares import minimise
@@ -29,7 +30,6 @@ from facetcam.calibration.result import Calibration
 from facetcam.pipelines.calibrate_in_memory import calibrate
 from facetcam.rig import Camera
 
-CREPT = 0.5  # pixels
 SQUARE = 0.03  # the table's square is not stated; all lengths scale with it
 
 
@@ -77,7 +77,7 @@ def between(calibration: Calibration) -> tuple[float, float]:
 def held_out(fit: Fit) -> None:
     """Leave out every photo in turn; its board's pose from some views must predict the others."""
     rows, pooled = [], {"direct": [], "direct + left": []}
-    moved: dict[int, float] = {}
+    moved = {c.photo: c for c in creeps(fit)}
     for photo in fit.photos:
         rest = fit.of_photos([p for p in fit.photos if p != photo])
         glass = find_glass(rest)
@@ -91,31 +91,19 @@ def held_out(fit: Fit) -> None:
             pooled[name].append(off)
             cells.append(f"{np.sqrt((off**2).mean()):.2f}" if len(off) else "-")
         every = predicted(fit, rest, photo, None)
-        moved[photo], view = shifted(fit, photo)
-        rows.append((*cells, f"{np.sqrt((every**2).mean()):.2f}", f"{moved[photo]:.2f} {view}"))
+        c = moved.get(photo)
+        shift = (f"{c.shift:.2f} +- {c.sigma:.2f} {c.view}", f"{c.chance:.2g}") if c else ("-", "-")
+        rows.append((*cells, f"{np.sqrt((every**2).mean()):.2f}", *shift))
     for name, offs in pooled.items():
         off = np.concatenate(offs)
         print(f"left out, from {name}: median {np.median(off):.3f}, RMS {np.sqrt((off**2).mean()):.3f} px")
-    crept = [str(p + 1) for p in fit.photos if moved[p] > CREPT]
-    print(
-        f"crept (a view {CREPT} px or more beside where the rig has it): photos {', '.join(crept) or 'none'}"
-    )
+    crept = [str(p + 1) for p, c in sorted(moved.items()) if c.chance < CHANCE]
+    print(f"crept (chance under {CHANCE} over all photos): photos {', '.join(crept) or 'none'}")
     show(
         "left out in turn, RMS px",
-        ("photo", "from direct", "direct + left", "pose from all", "shift of a view"),
+        ("photo", "from direct", "direct + left", "pose from all", "shift of a view", "chance"),
         rows,
     )
-
-
-def shifted(fit: Fit, photo: int) -> tuple[float, str]:
-    """The view of a photo whose corners lie furthest, on the average, beside where the rig has them, px."""
-    means = {
-        s.view: float(np.linalg.norm(fit.residuals[a:b].mean(axis=0)))
-        for s, (a, b) in zip(fit.sightings, fit.looks.bounds)
-        if s.photo == photo and b - a >= 20
-    }
-    view = max(means, key=lambda v: means[v])
-    return means[view], str(view)
 
 
 def predicted(fit: Fit, rest: Fit, photo: int, known: set[str] | None) -> np.ndarray:

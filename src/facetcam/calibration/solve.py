@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from facetcam.calibration.assignment import assign
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance
+from facetcam.calibration.creep import crept
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import without_intruders
@@ -79,7 +80,9 @@ def solve(
     if look_again is not None:
         fit = settled(looked_again(fit, boards, look_again))
     done()
-    result = _calibration(fit, boards, intruders + findings_of(strange, boards), noise_of(fit), began)
+    result = _calibration(
+        fit, boards, intruders + findings_of(strange, boards) + crept(fit), noise_of(fit), began
+    )
     done()
     return result
 
