@@ -29,7 +29,8 @@ def pose_covariance(
     measured : (6, 6) array
         Covariance of the pose in the map as it is.
     keyframes : list of Keyframe
-        Near the pose, the likeliest base first; the first one that was judged is taken, else the last.
+        Near the pose, the likeliest base first; the first one that was judged is taken, else the last,
+        which is the first of the map: an unknown scale counts from there.
     scale_sigma : float
         Relative standard deviation of the scale; where it is not known yet, that of the wheels counts.
     wheels : bool
@@ -41,7 +42,10 @@ def pose_covariance(
     if base.covariance is not None:
         moved = se3.adjoint(T_rig_base)
         total += _TOGETHER * moved @ base.covariance @ moved.T
-    stretch = min(scale_sigma, _WHEELS if wheels else _UNKNOWN) * T_rig_base[:3, 3]
+    # Where the scale is unknown, the covariances of keyframes leave it out.
+    since = base if np.isfinite(scale_sigma) else keyframes[-1]
+    way = (se3.inverse(T_world_rig) @ since.T_world_rig)[:3, 3]
+    stretch = min(scale_sigma, _WHEELS if wheels else _UNKNOWN) * way
     total[3:, 3:] += np.outer(stretch, stretch) + _ASIDE**2 * (stretch @ stretch) * np.eye(3)
     return total
 
