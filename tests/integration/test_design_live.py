@@ -19,7 +19,8 @@ from facetcam.design.spec import Body, CameraSpec, DesignSpec, Family, read_spec
 from facetcam.errors import ConfigError
 from facetcam.pipelines.design_live import open_live_page, save_design
 from facetcam.rig import Rig
-from facetcam.viz.design_live import LivePage, rgb, sensor_picture
+from facetcam.viz.design_live import LivePage
+from facetcam.viz.design_live_pictures import rgb, sensor_picture
 from facetcam.viz.palette import view_colour
 
 pytest.importorskip("viser")

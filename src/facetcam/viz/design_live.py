@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.design.analysis import seen_on_horizon
-from facetcam.design.areas import Area, direction_grid, view_areas
-from facetcam.design.cones import densify, solid_angle
+from facetcam.design.areas import Area, view_areas
+from facetcam.design.cones import solid_angle
 from facetcam.design.extras import need
 from facetcam.design.family import build, check_built
 from facetcam.design.spec import DesignSpec, Family
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.rig import Rig
+from facetcam.viz.design_live_pictures import WIDTH, blank, rgb, sensor_picture, sphere_picture, summary
 from facetcam.viz.palette import view_colour
 from facetcam.viz.rig_figures import ray_path
 
@@ -41,12 +39,8 @@ SLIDERS: dict[str, tuple[str, float, float, float, float]] = {
 """Words, least, most, step and unit of each parameter that has a slider."""
 
 FEWEST, MOST = 3, 12  # faces
-_WIDTH = 480  # pixels of the pictures beside the sliders
-_GRID = math.radians(2.0)
 _SIZE = 10.0  # units of the 3D scene a metre, where its first view looks right
-_BACKGROUND = 28
 _RAYS = 4  # near the corners of a view
-_STEEP = math.radians(50.0)  # of elevation that the picture of directions shows at least
 
 
 class LivePage:
@@ -162,8 +156,8 @@ class LivePage:
         self.focal: Any = gui.add_slider("focal length (px)", 100.0, 6000.0, 1.0, float(focal or 1000.0))
         for control in (self.faces, self.focal, self._fit):
             control.on_update(lambda _: self._changed.set())
-        self._sensor: Any = gui.add_image(blank(_WIDTH, 360), label="sensor", format="png")
-        self._sphere: Any = gui.add_image(blank(_WIDTH, 240), label="directions seen", format="png")
+        self._sensor: Any = gui.add_image(blank(WIDTH, 360), label="sensor", format="png")
+        self._sphere: Any = gui.add_image(blank(WIDTH, 240), label="directions seen", format="png")
         self.button: Any = gui.add_button("Save this rig")
         self._saved = gui.add_markdown("")
         self.button.on_click(lambda _: self.save())
@@ -215,58 +209,6 @@ class LivePage:
             for gone in self._drawn - drawn:
                 scene.remove_by_name(gone)
         self._drawn = drawn
-
-
-def sensor_picture(rig: Rig, areas: dict[str, Area]) -> Image:
-    """The raw frame with the area of each view in its colour, (H, 480, 3) red, green, blue."""
-    scale = _WIDTH / rig.camera.width
-    picture = blank(_WIDTH, round(scale * rig.camera.height))
-    for index, area in enumerate(areas.values()):
-        for cone in area.cones:
-            pixels, valid = rig.camera.project(0.9999 * densify(cone) + 0.0001 * cone.mean(axis=0))
-            if valid.sum() >= 3:
-                corners = np.round(16 * ((pixels[valid] + 0.5) * scale - 0.5)).astype(np.int32)
-                cv2.fillPoly(picture, [corners], rgb(view_colour(index)), cv2.LINE_8, shift=4)
-    return picture
-
-
-def sphere_picture(areas: dict[str, Area]) -> Image:
-    """Azimuth (front in the middle) by elevation of what is seen, the horizon as a line."""
-    directions, _ = direction_grid(_GRID)
-    rows, columns = round(math.pi / _GRID), round(math.tau / _GRID)
-    picture = blank(columns, rows)
-    for index, area in enumerate(areas.values()):
-        seen = area.sees(directions).reshape(rows, columns)[::-1]
-        picture[seen] = rgb(view_colour(index))
-    beyond = round(rows * (0.5 - _STEEP / math.pi))
-    if (picture[:beyond] == _BACKGROUND).all() and (picture[-beyond:] == _BACKGROUND).all():
-        picture = picture[beyond:-beyond]
-    large = np.repeat(np.repeat(picture, 3, axis=0), 3, axis=1)
-    large[len(large) // 2] = np.maximum(large[len(large) // 2], 120)
-    return np.asarray(large, np.uint8)
-
-
-def summary(rig: Rig, areas: dict[str, Area]) -> str:
-    """What is seen, in a few lines of markdown."""
-    centres = np.array([rig.T_rig_image(name)[:3, 3] for name in areas])
-    spread = np.linalg.norm(centres[:, None] - centres[None], axis=2).max()
-    sphere = sum(area.solid_angle for area in areas.values()) / (4 * math.pi)
-    return (
-        f"**{100 * np.mean(seen_on_horizon(areas)):.1f} %** of the horizon, **{100 * sphere:.1f} %** of all "
-        f"directions; view centres up to **{1e3 * spread:.0f} mm** apart; f = **{rig.camera.fx:.0f} px**, "
-        f"{rig.camera.fx * math.radians(1.0):.1f} pixels a degree"
-    )
-
-
-def blank(width: int, height: int) -> Image:
-    """An empty dark picture."""
-    return np.full((height, width, 3), _BACKGROUND, np.uint8)
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green, blue of a hex colour."""
-    red, green, blue = bytes.fromhex(colour[1:])
-    return red, green, blue
 
 
 def _rays(area: Area) -> list[Array]:

@@ -76,6 +76,8 @@ def percent(fraction: float) -> str:
 
 
 def length(metres: float) -> str:
+    if metres < 1e-3:
+        return f"{1e3 * metres:.1f} mm"
     return f"{100 * metres:.1f} cm" if metres < 1.0 else f"{metres:.2f} m"
 
 
