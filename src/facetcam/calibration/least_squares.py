@@ -69,7 +69,7 @@ class Normal:
 
 
 def normal_equations(state: State, looks: Looks, weights: Array) -> Normal:
-    """Sum the normal equations sighting by sighting: each touches few columns and one station."""
+    """Sum the normal equations of the sightings: each touches few columns and one station."""
     linear = linearise(state, looks)
     G, P = state.shared, len(state.T_rig_station)
     A, B, C = np.zeros((G, G)), np.zeros((P, G, 6)), np.zeros((P, 6, 6))
@@ -80,17 +80,18 @@ def normal_equations(state: State, looks: Looks, weights: Array) -> Normal:
     )
     rows *= root[:, :, None]
     width = linear.shared.shape[2]
-    for s, (first, last) in enumerate(looks.bounds):
-        block = rows[first:last].reshape(-1, rows.shape[2])
-        product = block.T @ block
-        board = state.first_board + 6 * looks.board[s] + np.arange(6)
-        columns, p = np.concatenate([linear.columns[looks.view[s]], board]), looks.station[s]
+    blocks = (rows[first:last].reshape(-1, rows.shape[2]) for first, last in looks.bounds)
+    products = np.array([block.T @ block for block in blocks]).reshape(-1, rows.shape[2], rows.shape[2])
+    np.add.at(C, looks.station, products[:, width:-1, width:-1])
+    np.add.at(c, looks.station, products[:, width:-1, -1])
+    for view, board in sorted(set(zip(looks.view.tolist(), looks.board.tolist()))):
+        alike = (looks.view == view) & (looks.board == board)
+        own = state.first_board + 6 * board + np.arange(6)
+        columns, summed = np.concatenate([linear.columns[view], own]), products[alike].sum(axis=0)
         # A chain may meet one mirror twice: its columns then repeat and must be summed.
-        np.add.at(A, (columns[:, None], columns), product[:width, :width])
-        np.add.at(B[p], columns, product[:width, width:-1])
-        np.add.at(a, columns, product[:width, -1])
-        C[p] += product[width:-1, width:-1]
-        c[p] += product[width:-1, -1]
+        np.add.at(A, (columns[:, None], columns), summed[:width, :width])
+        np.add.at(a, columns, summed[:width, -1])
+        np.add.at(B, (looks.station[alike, None], columns), products[alike, :width, width:-1])
     return Normal(A, B, C, a, c)
 
 

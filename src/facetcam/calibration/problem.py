@@ -119,13 +119,12 @@ class State:
     def moved(self, shared: Array, stations: Array) -> State:
         """The state after a step of the shared parameters and of the station poses (P, 6)."""
         lenses, optics, boards = np.split(shared, [len(self.intrinsics), self.first_board])
-        steps = zip(boards.reshape(-1, 6), self.T_station_board)
         return replace(
             self,
             intrinsics=self.intrinsics + lenses,
             optics=self.optics.moved(optics),
-            T_station_board=np.array([se3.exp(s) @ T for s, T in steps]).reshape(-1, 4, 4),
-            T_rig_station=np.array([se3.exp(s) @ T for s, T in zip(stations, self.T_rig_station)]),
+            T_station_board=se3.exp(boards.reshape(-1, 6)) @ self.T_station_board,
+            T_rig_station=se3.exp(stations) @ self.T_rig_station,
         )
 
     def predict(self, looks: Looks) -> Array:

@@ -80,28 +80,32 @@ def skew(v: Array) -> Array:
 
 
 def _left_jacobian(phi: Array) -> Array:
-    angle = float(np.linalg.norm(phi))
+    angle = np.linalg.norm(phi, axis=-1)[..., None, None]
     K = skew(phi)
-    if angle < 1e-6:  # the closed form divides by angle^3
-        a, b = 0.5, 1.0 / 6.0
-    else:
-        a = (1.0 - np.cos(angle)) / angle**2
-        b = (angle - np.sin(angle)) / angle**3
+    small = angle < 1e-6  # the closed form divides by angle^3
+    safe = np.where(small, 1.0, angle)
+    a = np.where(small, 0.5, (1.0 - np.cos(safe)) / safe**2)
+    b = np.where(small, 1.0 / 6.0, (safe - np.sin(safe)) / safe**3)
     jacobian: Array = np.eye(3) + a * K + b * K @ K
     return jacobian
 
 
 def exp(xi: ArrayLike) -> Array:
-    """Motion of a twist.
+    """Motions (..., 4, 4) of twists.
 
     Parameters
     ----------
-    xi : (6,) array
+    xi : (..., 6) array
         Rotation vector in radians, then the translation part in metres.
     """
     xi = np.asarray(xi, dtype=np.float64)
-    R = Rotation.from_rotvec(xi[:3]).as_matrix()
-    return from_rotation_translation(R, _left_jacobian(xi[:3]) @ xi[3:])
+    T = np.zeros((*xi.shape[:-1], 4, 4))
+    T[..., :3, :3] = (
+        Rotation.from_rotvec(xi[..., :3].reshape(-1, 3)).as_matrix().reshape(*xi.shape[:-1], 3, 3)
+    )
+    T[..., :3, 3] = (_left_jacobian(xi[..., :3]) @ xi[..., 3:, None])[..., 0]
+    T[..., 3, 3] = 1.0
+    return T
 
 
 def log(T: Array) -> Array:
