@@ -51,7 +51,7 @@ def main() -> None:
         "DoG": ("default", DoG.create(max_features=None)),
         "Harris-Laplacian": ("default", HarrisLaplace.create(max_features=None)),
         "SIICF": ("500", SIICF.create(mode="paper", max_features=None, threads=1)),
-        "SIICF robust": ("0.02", SIICF.create(max_features=None, threads=1)),
+        "SIICF robust": ("0.019", SIICF.create(max_features=None, threads=1)),
     }
     found = [[measured(d, image) for _, d in detectors.values()] for image in images()]
     points, times = np.mean(found, axis=0).T
