@@ -12,7 +12,7 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import map_uncertainty
-from facetcam.slam.shutter import sweep
+from facetcam.slam.shutter import LONGEST_READOUT, sweep
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -27,6 +27,7 @@ _MAX_FIXED = 10
 _MAX_NEAR = 50  # keyframes among which these are sought
 _TRIALS = 8
 _LEAST_FOUND = 0.3  # share of the trials in which a good point is found
+_CERTAIN = 2.0  # sigmas by which a readout must differ from that of a global shutter
 
 
 class Adjuster:
@@ -83,7 +84,10 @@ class Adjuster:
         found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
         for keyframe, covariance in zip(self._map.keyframes, found.covariance):
             keyframe.covariance = covariance
-        self._map.readout += found.readout_step
+        readout = self._map.readout + found.readout_step
+        # A wrong readout bends a young map, so it counts once it stands out of its own uncertainty.
+        believed = _CERTAIN * found.readout_sigma < abs(readout) < LONGEST_READOUT
+        self._map.readout = readout if believed else 0.0
         return found.scale_sigma
 
     def whole(self) -> Bundle | None:

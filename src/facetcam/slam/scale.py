@@ -32,11 +32,14 @@ class MapUncertainty:
         Of right-hand twists of the frames; where the scale is unknown, at the scale that the map has.
     readout_step : float
         Seconds by which another readout of the shutter would explain the images better.
+    readout_sigma : float
+        Standard deviation of the readout, seconds.
     """
 
     scale_sigma: float
     covariance: Array
     readout_step: float = 0.0
+    readout_sigma: float = np.inf
 
 
 def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUncertainty:
@@ -57,10 +60,11 @@ def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUn
     scale[:, 3:] = np.einsum("kji,kj->ki", bundle.T_world_rig[1:, :3, :3], centres[1:])
     direction = scale.ravel() / np.sum(scale**2)
     if np.sum((direction @ open_.unseen) ** 2) > _NULL_SHARE * np.sum(direction**2):
-        return MapUncertainty(np.inf, covariance, open_.readout_step)
+        return MapUncertainty(np.inf, covariance, open_.readout_step, open_.readout_sigma)
     sigma = float(np.linalg.norm(direction @ open_.spread))
     proven = sigma < 1.0 and _points_beside(bundle) >= _LEAST_BESIDE
-    return MapUncertainty(sigma if proven else np.inf, covariance, open_.readout_step)
+    told = sigma if proven else np.inf
+    return MapUncertainty(told, covariance, open_.readout_step, open_.readout_sigma)
 
 
 def _points_beside(bundle: Bundle) -> int:
@@ -80,13 +84,14 @@ class FreeFrames:
         Independent errors of one standard deviation, as right-hand twists of all frames together.
     unseen : (6F, M) array
         Orthonormal directions of which the images tell nothing; `spread` leaves them out.
-    readout_step : float
+    readout_step, readout_sigma : float
         As in `MapUncertainty`.
     """
 
     spread: Array
     unseen: Array
     readout_step: float
+    readout_sigma: float
 
     @property
     def covariance(self) -> Array:
@@ -106,7 +111,10 @@ def free_frames(bundle: Bundle, optics: Optics, pixel_sigma: float) -> FreeFrame
     shutter = found.shutter
     poses_step = -seen @ (seen.T @ found.pose_gradient[first:])
     readout_step = -(shutter.gradient + shutter.by_pose[first:] @ poses_step) / shutter.weight
-    return FreeFrames(np.column_stack([seen, wrong_rig]), vectors[:, ~known], float(readout_step))
+    by_poses = float(np.linalg.norm(shutter.by_pose[first:] @ seen)) / shutter.weight
+    readout_sigma = np.hypot(by_poses, shutter.weight**-0.5)
+    spread = np.column_stack([seen, wrong_rig])
+    return FreeFrames(spread, vectors[:, ~known], float(readout_step), float(readout_sigma))
 
 
 def _root(known: RigCovariance | None) -> Array:

@@ -15,6 +15,7 @@ from facetcam.slam.pose import linearise
 
 Array = NDArray[np.float64]
 
+LONGEST_READOUT = 0.05  # seconds, of any camera
 READOUT_SIGMA = 0.02  # seconds from the first row to the last, before anything is known
 
 
