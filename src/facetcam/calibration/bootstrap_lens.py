@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.chessboards import placements
+from facetcam.calibration.plane_pose import plane_pose
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.rig import Camera
@@ -71,15 +72,16 @@ def lens_and_places(
 
 def _placed(camera: Camera, board: Board, sighting: Sighting) -> Seen:
     rays = camera.ray(sighting.pixels)
-    flat = board.points[sighting.corners]
-    middle = flat.mean(axis=0)
-    turns, shifts = cv2.solvePnPGeneric(
-        flat - middle, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-    )[1:3]
+    flat, image = board.points[sighting.corners], rays[:, :2] / rays[:, 2:]
+    T = plane_pose(flat, image)
+    if T is None:
+        raise FacetcamError(
+            f"calibration: no place explains board '{board.name}'; check its squares in boards.yaml"
+        )
     turn, shift = cv2.solvePnPRefineLM(
-        flat - middle, rays[:, :2] / rays[:, 2:], np.eye(3), None, turns[0], shifts[0]
+        flat, image, np.eye(3), None, cv2.Rodrigues(T[:3, :3])[0], T[:3, 3].reshape(3, 1)
     )
-    points = (flat - middle) @ cv2.Rodrigues(turn)[0].T + shift.ravel()
+    points = flat @ cv2.Rodrigues(turn)[0].T + shift.ravel()
     size = (
         np.ptp(sighting.pixels, axis=0) / np.maximum(np.ptp(flat[:, :2], axis=0), board.square) * board.square
     )

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -21,6 +20,7 @@ from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.bootstrap import T_RIG_CAM
 from facetcam.calibration.chessboards import placements
 from facetcam.calibration.fit import Fit, Tolerance
+from facetcam.calibration.plane_pose import plane_pose
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import settled, started
 from facetcam.errors import FacetcamError
@@ -125,13 +125,11 @@ def _mirrored(sighting: Sighting, board: Board, index: int) -> Sighting:
 def _image(camera: Camera, board: Board, sighting: Sighting) -> Array:
     """Signed pose (4, 4) of the board's image, of determinant -1."""
     rays = camera.ray(sighting.pixels)
-    flat = board.points[sighting.corners]
-    middle = flat.mean(axis=0)
-    turns, shifts = cv2.solvePnPGeneric(
-        flat - middle, rays[:, :2] / rays[:, 2:], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-    )[1:3]
-    T = se3.from_rotation_translation(cv2.Rodrigues(turns[0])[0], shifts[0].ravel())
-    T[:3, 3] -= T[:3, :3] @ middle
+    T = plane_pose(board.points[sighting.corners], rays[:, :2] / rays[:, 2:])
+    if T is None:
+        raise FacetcamError(
+            "hand-held mirror: no place of the board explains a photo; check its squares in boards.yaml"
+        )
     T[:3, 2] *= -1.0
     return T
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +12,7 @@ from facetcam.calibration import lens
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.least_squares import Prior, minimise
 from facetcam.calibration.optics import FreeOptics
+from facetcam.calibration.plane_pose import plane_pose
 from facetcam.calibration.problem import Looks, State, subset
 from facetcam.calibration.sightings import Sighting
 from facetcam.geometry import se3
@@ -98,16 +98,10 @@ def _plane_pose(camera: Camera, sighting: Sighting, boards: BoardSet, flipped: b
     rays = rays @ turn.T
     rays = rays / np.maximum(rays[:, 2:], 0.05)
     points = boards.boards[sighting.board].points[sighting.corners]
-    middle = points.mean(axis=0)
-    found, rotations, shifts, _ = cv2.solvePnPGeneric(
-        points - middle, np.ascontiguousarray(rays[:, :2]), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-    )
-    T = np.eye(4)
-    if found and np.all(np.isfinite(shifts[0])):
-        T = se3.from_rotation_translation(cv2.Rodrigues(rotations[0])[0], shifts[0].ravel())
-    else:
-        T[2, 3] = 10.0 * float(np.ptp(points, axis=0).max())
-    T[:3, 3] -= T[:3, :3] @ middle
+    T = plane_pose(points, rays[:, :2])
+    if T is None:
+        ahead = np.array([0.0, 0.0, 10.0 * float(np.ptp(points, axis=0).max())])
+        T = se3.from_rotation_translation(np.eye(3), ahead - points.mean(axis=0))
     return se3.from_rotation_translation(turn.T, np.zeros(3)) @ T
 
 

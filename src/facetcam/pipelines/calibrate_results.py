@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.result import Calibration, FittedSighting, Validation
 from facetcam.io.outputs import atomic_write
 from facetcam.io.virtual_cameras import export_cameras
@@ -60,7 +61,7 @@ def write_calibration(
         If a file cannot be written.
     """
     calibration.rig.save(folder / "rig.yaml")
-    atomic_write(folder / "residuals.csv", residuals_csv(calibration, photos))
+    atomic_write(folder / "residuals.csv", residuals_csv(calibration.sightings, calibration.boards, photos))
     summary = summarise(calibration, validation, photos, warnings)
     atomic_write(folder / "summary.json", to_json(summary))
     export_cameras(calibration.rig, folder / "export")
@@ -110,13 +111,13 @@ def summarise(
     )
 
 
-def residuals_csv(calibration: Calibration, photos: Sequence[Photo]) -> str:
+def residuals_csv(fitted: Sequence[FittedSighting], boards: BoardSet, photos: Sequence[Photo]) -> str:
     """A row a corner: photo, board, corner, view, where seen, seen minus predicted (pixels), kept or not."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["photo", "board", "corner", "view", "u", "v", "du", "dv", "kept"])
-    for f in calibration.sightings:
-        names = photos[f.sighting.photo].path.name, calibration.boards.boards[f.sighting.board].name
+    for f in fitted:
+        names = photos[f.sighting.photo].path.name, boards.boards[f.sighting.board].name
         for corner, (u, v), (du, dv), kept in zip(f.sighting.corners, f.sighting.pixels, f.residuals, f.kept):
             numbers = f"{u:.4f}", f"{v:.4f}", f"{du:.4f}", f"{dv:.4f}"
             table.writerow([*names, int(corner), f.sighting.view, *numbers, int(kept)])

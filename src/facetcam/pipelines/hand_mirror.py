@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +11,10 @@ from numpy.typing import NDArray
 
 from facetcam.calibration.board_files import read_boards
 from facetcam.calibration.boards import Board, BoardSet
+from facetcam.calibration.fit import Fit
 from facetcam.calibration.hand_mirror import HandMirror, solve_hand_mirror
 from facetcam.calibration.hand_mirror_checks import Sigma, rms_apart, sigma_of
+from facetcam.calibration.result import FittedSighting
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
@@ -22,6 +22,7 @@ from facetcam.io.intrinsics import read_intrinsics
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.io.virtual_cameras import opencv_camera
 from facetcam.pipelines.calibrate_inputs import Images, looked
+from facetcam.pipelines.calibrate_results import residuals_csv
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_memory import Photo
 from facetcam.pipelines.photos import SecondLook, photo_paths
@@ -185,7 +186,7 @@ def _write(placed: Placed) -> None:
     atomic_write(folder / "summary.json", to_json(placed.summary))
     alone = Rig(found.rig.camera, np.eye(4), {}, {"direct": View(())})
     atomic_write(folder / "camera.yaml", opencv_camera(alone, "direct"))
-    atomic_write(folder / "residuals.csv", _residuals_csv(placed))
+    atomic_write(folder / "residuals.csv", residuals_csv(_fitted(fit), BoardSet((placed.board,)), photos))
     second = SecondLook(photos)
     spread = np.unique(np.linspace(0, len(photos) - 1, _PICTURES).round().astype(int)).tolist()
     pictures = [
@@ -205,14 +206,9 @@ def _write(placed: Placed) -> None:
     write_hand_mirror_report(report, folder / "report.html")
 
 
-def _residuals_csv(placed: Placed) -> str:
-    """A row a corner, as a calibration writes them."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(["photo", "board", "corner", "view", "u", "v", "du", "dv", "kept"])
-    fit = placed.found.fit
-    for photo, s, (a, b) in zip(placed.photos, fit.sightings, fit.looks.bounds):
-        for corner, pixel, off, kept in zip(s.corners, s.pixels, fit.residuals[a:b], fit.kept[a:b]):
-            numbers = [f"{n:.4f}" for n in (*pixel, *off)]
-            table.writerow([photo.path.name, placed.board.name, int(corner), s.view, *numbers, int(kept)])
-    return text.getvalue()
+def _fitted(fit: Fit) -> list[FittedSighting]:
+    """Each photo's sighting, and how it is explained."""
+    return [
+        FittedSighting(replace(s, photo=index), s.pixels - fit.residuals[a:b], fit.kept[a:b])
+        for index, (s, (a, b)) in enumerate(zip(fit.sightings, fit.looks.bounds))
+    ]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from facetcam.errors import SourceError
+from facetcam.evaluation.trajectory import associate
 from facetcam.io.ply import read_ply
 from facetcam.io.trajectories import read_tum
 from facetcam.viz.run_page import Moment, RunPage, ShownRun
@@ -50,10 +51,8 @@ def read_moments(folder: Path) -> list[Moment]:
         raise SourceError(f"{folder / 'states.csv'}: damaged ({error})") from error
     poses: dict[int, np.ndarray] = {}
     if (folder / "trajectory.tum").is_file() and len(times):
-        for time, pose in zip(*read_tum(folder / "trajectory.tum")):
-            nearest = int(np.argmin(np.abs(times - time)))
-            if abs(times[nearest] - time) < _WITHIN:
-                poses[nearest] = pose
+        tracked, found = read_tum(folder / "trajectory.tum")
+        poses = {int(k): found[row] for row, k in zip(*associate(tracked, times, _WITHIN))}
     if not poses:
         raise SourceError(f"{folder}: no frame of this run has a pose; there is nothing to show")
     return [

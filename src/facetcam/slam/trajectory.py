@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,7 @@ from facetcam.slam.map import Keyframe
 Array = NDArray[np.float64]
 
 _NEAR = 0.3  # seconds within which a motion goes on
+_RECENT = 1000  # frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +49,15 @@ class Trajectory:
                 return
 
     def velocity(self, timestamp: float) -> Array:
-        """Right-hand twist (6,) a second at a frame, from its neighbours in time; zero without any."""
-        times = np.array([f.timestamp for f in self._frames])
-        near = np.flatnonzero(np.abs(times - timestamp) < _NEAR)
+        """Right-hand twist (6,) a second at a recent frame, from its neighbours in time; zero without any."""
+        near = [f for f in self._frames[-_RECENT:] if abs(f.timestamp - timestamp) < _NEAR]
         if len(near) < 2:
             return np.zeros(6)
-        near = near[np.argsort(times[near], kind="stable")]
-        at = int(np.searchsorted(times[near], timestamp))
+        near.sort(key=lambda f: f.timestamp)
+        at = bisect_left(near, timestamp, key=lambda f: f.timestamp)
         a, b = near[max(at - 1, 0)], near[min(at + 1, len(near) - 1)]
-        T_a_b = se3.inverse(self._frames[a].T_world_rig()) @ self._frames[b].T_world_rig()
-        return np.asarray(se3.log(T_a_b) / (times[b] - times[a]))
+        T_a_b = se3.inverse(a.T_world_rig()) @ b.T_world_rig()
+        return np.asarray(se3.log(T_a_b) / (b.timestamp - a.timestamp))
 
     @property
     def last_timestamp(self) -> float:
