@@ -11,17 +11,8 @@ import numpy as np
 import pytest
 
 from facetcam.calibration import Board, BoardSet, Sighting
-from facetcam.calibration.result import (
-    Calibration,
-    Finding,
-    FittedSighting,
-    Flatness,
-    MirrorDeviation,
-    Parameters,
-    UncertaintyMap,
-    Unknown,
-    Validation,
-)
+from facetcam.calibration.quality import Flatness, MirrorDeviation, UncertaintyMap, Validation
+from facetcam.calibration.result import Calibration, Finding, FittedSighting, Parameters, Unknown
 from facetcam.rig import Rig
 from facetcam.viz.calibration_page import CalibrationReport, PhotoRow, crop_of, write_calibration_report
 from facetcam.viz.calibration_words import verdict

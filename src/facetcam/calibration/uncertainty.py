@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from facetcam.calibration import lens
 from facetcam.calibration.covariance import Knowledge
 from facetcam.calibration.fit import Fit
-from facetcam.calibration.result import UncertaintyMap
+from facetcam.calibration.quality import UncertaintyMap
 from facetcam.geometry import se3
 
 Array = NDArray[np.float64]

@@ -15,7 +15,8 @@ from facetcam.calibration.fit import Fit
 from facetcam.calibration.least_squares import minimise
 from facetcam.calibration.optics import FreeOptics, MirrorOptics
 from facetcam.calibration.problem import subset
-from facetcam.calibration.result import Calibration, Flatness, MirrorDeviation, Validation
+from facetcam.calibration.quality import Flatness, MirrorDeviation, Validation
+from facetcam.calibration.result import Calibration
 from facetcam.calibration.uncertainty import uncertainty_maps
 from facetcam.geometry import se3
 

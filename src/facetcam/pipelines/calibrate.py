@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from facetcam.calibration.boards import BoardSet
-from facetcam.calibration.result import Calibration, Preflight, Validation
+from facetcam.calibration.quality import Validation
+from facetcam.calibration.result import Calibration, Preflight
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.io.outputs import fresh_folder, require_absent

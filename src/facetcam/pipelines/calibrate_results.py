@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from facetcam.calibration.boards import BoardSet
-from facetcam.calibration.result import Calibration, FittedSighting, Validation
+from facetcam.calibration.quality import Validation
+from facetcam.calibration.result import Calibration, FittedSighting
 from facetcam.io.outputs import atomic_write
 from facetcam.io.virtual_cameras import export_cameras
 from facetcam.pipelines.photo_memory import Photo

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from facetcam.calibration.result import Calibration, FittedSighting, UncertaintyMap
+    from facetcam.calibration.quality import UncertaintyMap
+    from facetcam.calibration.result import Calibration, FittedSighting
 
 Array = NDArray[np.float64]
 

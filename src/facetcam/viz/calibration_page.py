@@ -13,7 +13,8 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from facetcam.calibration.result import Calibration, Finding, Unknown, Validation
+from facetcam.calibration.quality import Validation
+from facetcam.calibration.result import Calibration, Finding, Unknown
 from facetcam.viz import calibration_figures as figures
 from facetcam.viz import calibration_words as words
 from facetcam.viz.pages import embedded, write_page

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from facetcam.calibration.result import Calibration, MirrorDeviation, Validation
+from facetcam.calibration.quality import MirrorDeviation, Validation
+from facetcam.calibration.result import Calibration
 from facetcam.viz.wording import BAD, FAIR, GOOD, plural
 
 AGREE = 1.0  # pixels up to which two halves of a set agree
