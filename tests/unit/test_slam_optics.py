@@ -30,8 +30,7 @@ def points() -> Array:
 
 
 def test_projection_is_the_rigs_inside_the_mask(optics: Optics, points: Array) -> None:
-    for index, name in enumerate(optics.rig.view_names):
-        pixels, valid = optics.project(index, points)
+    for index, (name, pixels, valid) in enumerate(zip(optics.rig.view_names, *optics.project(points))):
         expected, visible = optics.rig.project(name, points)
         assert valid.sum() > 20
         np.testing.assert_allclose(pixels[valid], expected[valid], atol=1e-9)

@@ -24,15 +24,15 @@ def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, opti
     ----------
     plane_a, plane_b : (..., 2) arrays
         Positions on the view's ideal pinhole; they broadcast.
-    T_a_b : (4, 4) array
-        Motion of the rig.
+    T_a_b : (4, 4) or (K, 4, 4) array
+        Motion of the rig, or several for (N, 2) positions: the distances are (K, N) then.
     """
     T = optics.T_view_rig[view] @ se3.inverse(T_a_b) @ optics.T_rig_view[view]
-    E = se3.skew(T[:3, 3]) @ T[:3, :3]
+    E = se3.skew(T[..., :3, 3]) @ T[..., :3, :3]
     a, b = (
         np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b)
     )
-    line_b, line_a = a @ E.T, b @ E
+    line_b, line_a = a @ np.swapaxes(E, -1, -2), b @ E
     slope2 = line_a[..., 0] ** 2 + line_a[..., 1] ** 2 + line_b[..., 0] ** 2 + line_b[..., 1] ** 2
     return np.asarray(optics.focal * np.sum(b * line_b, axis=-1) / np.sqrt(np.maximum(slope2, 1e-20)))
 

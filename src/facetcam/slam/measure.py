@@ -76,16 +76,13 @@ def predict(points: Points, ids: Index, T_world_rig: Array, optics: Optics) -> P
     """Project map points into every view; a point may leave one mirror and enter another."""
     T_rig_world = se3.inverse(T_world_rig)
     points_rig = se3.transform(T_rig_world, points.xyz[ids])
-    parts = []
-    for v in range(optics.n_views):
-        pixels, visible = optics.project(v, points_rig)
-        rows = np.flatnonzero(visible)
-        tangent = T_rig_world[:3, :3] @ points.tangent[ids[rows]]
-        jacobian = optics.jacobian(v, points_rig[rows], tangent)
-        warp, usable = _warps(points.jacobian[ids[rows]], jacobian)
-        rows = rows[usable]
-        parts.append(Predictions(ids[rows], np.full(len(rows), v, np.int8), pixels[rows], warp[usable]))
-    return Predictions(*(np.concatenate([getattr(p, f) for p in parts]) for f in Predictions.__slots__))
+    pixels, visible = optics.project(points_rig)
+    view, rows = np.nonzero(visible)
+    tangent = T_rig_world[:3, :3] @ points.tangent[ids[rows]]
+    jacobian = optics.jacobians(view, points_rig[rows], tangent)
+    warp, usable = _warps(points.jacobian[ids[rows]], jacobian)
+    seen = Predictions(ids[rows], view.astype(np.int8), pixels[view, rows], warp)
+    return seen.take(usable)
 
 
 def _warps(reference: Array, current: Array) -> tuple[Array, NDArray[np.bool_]]:

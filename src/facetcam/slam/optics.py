@@ -101,7 +101,7 @@ class Optics:
         """Angle on the raw frame, in degrees, of the pinhole's x axis."""
         across = self.T_rig_view[view, :3, :2]
         centre = self.T_rig_view[view, :3, 3] + self.T_rig_view[view, :3, 2]
-        x = self.jacobian(view, centre[None], 1e-3 * across[None])[0, :, 0]
+        x = self.jacobians(np.array([view]), centre[None], 1e-3 * across[None])[0, :, 0]
         return float(np.degrees(np.arctan2(x[1], x[0])))
 
     def upright_degrees(self, pixels: Array, views: Index) -> Array:
@@ -125,26 +125,23 @@ class Optics:
         labels = self.labels[np.where(inside, rows, 0), np.where(inside, columns, 0)]
         return np.where(inside, labels, NO_VIEW).astype(np.int8)
 
-    def project(self, view: int, points_rig: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Raw pixels (N, 2) of rig-frame points in one view, and whether they land on its valid pixels."""
-        pixels, valid = self.camera.project(se3.transform(self._T_image_rig[view], points_rig))
-        return pixels, valid & (self.view_of(pixels) == view)
-
-    def jacobian(self, view: int, points_rig: Array, step: Array) -> Array:
-        """Change of the raw pixel, (N, 2, 2), along two steps (N, 3, 2) of the points."""
-        T = self._T_image_rig[view]
-        stacked = [points_rig + sign * step[:, :, axis] for axis in (0, 1) for sign in (1.0, -1.0)]
-        pixels, _ = self.camera.project(se3.transform(T, np.concatenate(stacked)))
-        a, b, c, d = np.split(pixels, 4)
-        return np.stack([(a - b) / 2.0, (c - d) / 2.0], axis=-1)
+    def project(self, points_rig: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Raw pixels (V, N, 2) of points in every view, and whether they land on its valid pixels."""
+        T = self._T_image_rig
+        local = points_rig @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3]
+        pixels, valid = self.camera.project(local)
+        views = np.repeat(np.arange(self.n_views), len(points_rig))
+        valid &= self.view_of(pixels) == views
+        return pixels.reshape((*local.shape[:2], 2)), valid.reshape(local.shape[:2])
 
     def jacobians(self, views: Index, points_rig: Array, step: Array) -> Array:
-        """`jacobian` of points that lie in views of their own."""
-        out = np.zeros((len(points_rig), 2, 2))
-        for v in np.unique(views):
-            rows = views == v
-            out[rows] = self.jacobian(int(v), points_rig[rows], step[rows])
-        return out
+        """Change of the raw pixels, (N, 2, 2), along two steps (N, 3, 2) of points in their views."""
+        T = self._T_image_rig[views]
+        points = _rotated(T[:, :3, :3], points_rig) + T[:, :3, 3]
+        steps = np.moveaxis(T[:, :3, :3] @ step, 2, 0)
+        pixels, _ = self.camera.project(np.stack([points + steps, points - steps]))
+        ahead, behind = pixels.reshape(2, 2, -1, 2)
+        return np.moveaxis(ahead - behind, 0, 2) / 2.0
 
     def rays(self, pixels: Array, views: Index) -> Array:
         """Unit directions (N, 3) in the rig frame of raw pixels seen through their views."""

@@ -31,6 +31,7 @@ _UNKNOWN_DEPTH = 3.0  # metres: the median depth of a scene whose scale the imag
 _LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_GATE = 2.0  # px
 _EPIPOLAR_SIGMA = 0.5  # px
+_TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.8  # share of the matches that the right motion explains
 _MIN_VIEW_MATCHES = 20
@@ -58,11 +59,13 @@ class Pairs:
         return len(self.views)
 
     def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
-        """Signed Sampson distances (N,) in pixels from a motion of the rig."""
-        error = np.empty(len(self))
+        """Signed Sampson distances (N,) in pixels from a motion of the rig; (K, N) for K motions."""
+        error = np.empty((*T_a_b.shape[:-2], len(self)))
         for view in np.unique(self.views):
             rows = self.views == view
-            error[rows] = epipolar_error(self.plane_a[rows], self.plane_b[rows], int(view), T_a_b, optics)
+            error[..., rows] = epipolar_error(
+                self.plane_a[rows], self.plane_b[rows], int(view), T_a_b, optics
+            )
         return error
 
     def parallax(self, T_a_b: Array, optics: Optics) -> tuple[Array, Array]:
@@ -180,12 +183,18 @@ def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
     """Least epipolar errors of all views together, length included as far as the pairs determine it."""
     length = float(np.linalg.norm(T_a_b[:3, 3]))
 
-    def residuals(twist: Array) -> Array:
-        T = T_a_b @ se3.exp(twist)
-        stretch = np.log(max(float(np.linalg.norm(T[:3, 3])), 1e-9) / length)
-        return np.append(pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch)
+    def residuals(twists: Array) -> Array:
+        T = T_a_b @ se3.exp(twists)
+        stretch = np.log(np.maximum(np.linalg.norm(T[..., :3, 3], axis=-1), 1e-9) / length)
+        return np.concatenate([pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch[..., None]], axis=-1)
 
-    solution = least_squares(residuals, np.zeros(6), loss="cauchy", f_scale=_EPIPOLAR_SIGMA, max_nfev=30)
+    def jacobian(twist: Array) -> Array:
+        moved = residuals(twist + _TWIST_STEP * np.concatenate([np.eye(6), -np.eye(6)]))
+        return np.asarray((moved[:6] - moved[6:]).T / (2.0 * _TWIST_STEP))
+
+    solution = least_squares(
+        residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=_EPIPOLAR_SIGMA, max_nfev=30
+    )
     return T_a_b @ se3.exp(solution.x)
 
 
@@ -224,9 +233,10 @@ def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Arra
     ahead = distance[(distance > 0) & (distance < 1e3)]
     usual = _UNKNOWN_DEPTH / max(float(np.median(ahead)), 1e-6) if len(ahead) else 1.0
     best, best_cost = rig_motion(usual), np.inf
-    for factor in sorted(_LENGTHS, key=lambda s: abs(float(np.log(s)))):
-        T = rig_motion(usual * factor)
-        cost = float(np.minimum(np.abs(pairs.epipolar_errors(T, optics)), _EPIPOLAR_GATE).mean())
+    usual_first = _LENGTHS[np.argsort(np.abs(np.log(_LENGTHS)), kind="stable")]
+    motions = np.stack([rig_motion(usual * float(factor)) for factor in usual_first])
+    errors = np.abs(pairs.epipolar_errors(motions, optics))
+    for T, cost in zip(motions, np.minimum(errors, _EPIPOLAR_GATE).mean(axis=1)):
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost
     return best
