@@ -167,6 +167,12 @@ class Search:
     generations: int = 40
     population: int = 12  # candidates a free parameter
 
+    def __post_init__(self) -> None:
+        if min(self.envelope) <= 0 or min(self.generations, self.population) < 1:
+            raise ConfigError("search: envelope above zero; one generation, one candidate or more")
+        if not 0 < self.band_degrees <= 90:
+            raise ConfigError("search: band_degrees must be above 0 and at most 90")
+
 
 @dataclass(frozen=True, slots=True)
 class DesignSpec:
