@@ -54,9 +54,20 @@ def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, n
     assert "show the boards in the same places" in line(still, *both)
     assert not out.exists()
     blank = write_photos(tmp_path / "blank", [np.full(SIZE[::-1], 90, np.uint8)])
-    assert "no board found in 1 photos" in line(blank, *both)
-    assert (out / "what-was-seen.jpg").exists()
+    for _ in range(2):  # a failed try leaves the name free for the next
+        assert "no board found in 1 photo;" in line(blank, *both)
+        assert not out.exists()
+    assert (tmp_path / "out-what-was-seen.jpg").exists()
+    lone = write_photos(tmp_path / "lone", [photo()])
+    for name in ("01.png", "02.png"):
+        (lone / name).write_bytes((lone / "00.png").read_bytes())
+    said = line(lone, *both)
+    assert "only one photo shows a board" in said
+    assert "2 of 3 photos left out, the same file as another photo: 01.png, 02.png" in said
+    out.mkdir()
+    (out / "rig.yaml").write_text("precious")
     assert "exists already" in line(photos, *both)
+    assert "precious" in (out / "rig.yaml").read_text()
 
 
 def test_a_stopped_run_keeps_what_it_found(tmp_path: Path, boards: Path, nominal: Path) -> None:

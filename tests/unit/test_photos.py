@@ -135,9 +135,9 @@ def test_no_board_found(tmp_path: Path, told: object, hint: str) -> None:
     found, _ = look_at_photos(photo_paths(folder), boards)
     with pytest.raises(SourceError) as caught:
         require_boards(found, boards, tmp_path / "out")
-    assert "no board found in 1 photos; looked for wall (charuco 6x5" in str(caught.value)
+    assert "no board found in 1 photo; looked for wall (charuco 6x5" in str(caught.value)
     assert hint in str(caught.value)
-    assert cv2.imread(str(tmp_path / "out" / "what-was-seen.jpg")).shape == (480, 640, 3)
+    assert cv2.imread(str(tmp_path / "out-what-was-seen.jpg")).shape == (480, 640, 3)
 
 
 def test_a_board_of_other_columns(tmp_path: Path) -> None:

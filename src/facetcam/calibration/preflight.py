@@ -62,7 +62,9 @@ def _weak_coverage(fit: Fit) -> list[str]:
         rows = np.flatnonzero(fit.looks.view == view)
         photos = {fit.sightings[i].photo for i in rows}
         if len(photos) < _FEW_PHOTOS:
-            advice.append(f"view '{name}' is seen in {len(photos)} of {len(fit.photos)} photos; add some")
+            advice.append(
+                f"photos with a board in view '{name}' (so far {len(photos)}; {_FEW_PHOTOS} or more are good)"
+            )
         elif _reached(fit, view) < _COVERED:
             advice.append(
                 f"boards reach {_reached(fit, view):.0%} of view '{name}'; show them nearer its edges"

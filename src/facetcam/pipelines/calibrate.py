@@ -11,7 +11,7 @@ from facetcam.calibration.result import Calibration, Preflight
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.io.outputs import fresh_folder, require_absent
-from facetcam.pipelines.calibrate_inputs import Images, Seen, look
+from facetcam.pipelines.calibrate_inputs import Images, Seen, look, telling
 from facetcam.pipelines.calibrate_results import write_calibration
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_memory import Photo
@@ -112,7 +112,8 @@ def run_calibration(
     require_absent(out)
     seen = look(images, boards, out, rig=rig, camera=camera, cache=cache, stage=stage)
     second = SecondLook(seen.photos)
-    calibration = solved(seen, second, stage)
+    with telling(seen.warnings):
+        calibration = solved(seen, second, stage)
     folder = fresh_folder(out)
     validation: Validation | None = None
     warnings = list(seen.warnings)
@@ -197,6 +198,7 @@ def run_check(
     from facetcam.calibration.preflight import preflight
 
     seen = look(images, boards, out, rig=rig, camera=camera, cache=cache, stage=stage)
-    nominal, sightings = begun(seen, stage)
-    with stage("checking"):
+    with telling(seen.warnings):
+        nominal, sightings = begun(seen, stage)
+    with telling(seen.warnings), stage("checking"):
         return Checked(preflight(nominal, seen.boards, sightings), seen)

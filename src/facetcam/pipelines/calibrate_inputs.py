@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,7 +51,7 @@ def look(
     Raises
     ------
     FacetcamError
-        As `run_calibration`; `out` is made only to save what was seen when no board was found.
+        As `run_calibration`; what was seen is saved beside `out` when no board was found.
     """
     chosen = boards if isinstance(boards, BoardSet) else read_boards(boards)
     nominal = rig if isinstance(rig, Rig) or rig is None else Rig.load(rig)
@@ -62,7 +63,8 @@ def look(
             )
         nominal = with_lens(nominal, read_intrinsics(camera))
     kept, warnings = looked(paths, chosen, out, nominal.size if nominal is not None else None, cache, stage)
-    require_motion(kept)
+    with telling(warnings):
+        require_motion(kept)
     return Seen(tuple(kept), chosen, nominal, warnings)
 
 
@@ -82,9 +84,22 @@ def looked(
         except KeyboardInterrupt as error:
             error.add_note("what was found so far is kept, the same command goes on from there")
             raise
-    kept, warnings = fit_together(photos, size)
-    require_boards(kept, boards, out)
-    return kept, (*unreadable, *warnings)
+    kept, left_out = fit_together(photos, size)
+    warnings = (*unreadable, *left_out)
+    with telling(warnings):
+        require_boards(kept, boards, out)
+    return kept, warnings
+
+
+@contextmanager
+def telling(warnings: Sequence[str]) -> Iterator[None]:
+    """Let a failure also tell which photos were left out before, and why: that may be its cause."""
+    try:
+        yield
+    except FacetcamError as error:
+        for warning in warnings:
+            error.add_note(warning)
+        raise
 
 
 def with_lens(rig: Rig, lens: Camera) -> Rig:

@@ -14,11 +14,12 @@ import numpy as np
 from facetcam.calibration import diagnosis
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.detection import to_grey
-from facetcam.errors import SourceError
+from facetcam.errors import OutputError, SourceError
 from facetcam.io.image_folder import read_image
-from facetcam.io.outputs import atomic_write, fresh_folder
+from facetcam.io.outputs import atomic_write, writing
 from facetcam.pipelines.photo_memory import Photo
 from facetcam.pipelines.photos import Image
+from facetcam.viz.wording import plural
 
 BLURRED = 2.5  # times the usual width of edges
 SAME_POSE = 0.01  # of the photo's width that a board must move from photo to photo
@@ -75,7 +76,10 @@ def fit_together(
     blank = [p.path.name for p in kept if not p.sightings]
     if blank:
         names = ", ".join(blank[:5]) + (", ..." if len(blank) > 5 else "")
-        warnings.append(f"{len(blank)} of {len(kept)} photos show no board that could be read: {names}")
+        show = "shows" if len(blank) == 1 else "show"
+        warnings.append(
+            f"{len(blank)} of {plural(len(kept), 'photo')} {show} no board that could be read: {names}"
+        )
     return [renumbered(photo, index) for index, photo in enumerate(kept)], warnings
 
 
@@ -90,12 +94,12 @@ def _without(
     out = [photo for photo in photos if bad(photo)]
     if out:
         names = ", ".join(photo.path.name for photo in out[:5]) + (", ..." if len(out) > 5 else "")
-        warnings.append(f"{len(out)} of {len(photos)} photos left out, {reason}: {names}")
+        warnings.append(f"{len(out)} of {plural(len(photos), 'photo')} left out, {reason}: {names}")
     return [photo for photo in photos if not bad(photo)]
 
 
 def require_boards(photos: Sequence[Photo], boards: BoardSet, out: Path | str) -> None:
-    """Raise SourceError, after saving a photo with what was seen, if no photo shows a board, or a wrong one.
+    """Raise SourceError if no photo shows a board, with what was seen saved beside `out`, or a wrong one.
 
     Raises
     ------
@@ -107,19 +111,29 @@ def require_boards(photos: Sequence[Photo], boards: BoardSet, out: Path | str) -
         hint = diagnosis.better_dictionary(images, boards)
         for board in boards.boards:
             hint = hint or diagnosis.better_layout(images, board)
-        picture = fresh_folder(out) / "what-was-seen.jpg"
         drawn = diagnosis.draw_what_is_seen(images[0], boards)
-        atomic_write(picture, cv2.imencode(".jpg", drawn)[1].tobytes())
         advice = hint or "are they lit, sharp and large enough, and is this their boards.yaml?"
         raise SourceError(
-            f"no board found in {len(photos)} photos; looked for {diagnosis.wanted(boards)};"
-            f" {advice}; see {picture}"
+            f"no board found in {plural(len(photos), 'photo')}; looked for {diagnosis.wanted(boards)};"
+            f" {advice}{_saved(drawn, Path(out))}"
         )
     for index, board in enumerate(boards.boards):
         showing = (p for p in photos if sum(s.board == index for s in p.sightings) > 1)
         hint = diagnosis.better_layout([_grey(photo) for photo in islice(showing, 1)], board)
         if hint:
             raise SourceError(hint)
+
+
+def _saved(drawn: Image, out: Path) -> str:
+    """Save what was seen beside the folder asked for, which stays free for the next try; say where."""
+    picture = Path(f"{out}-what-was-seen.jpg")
+    try:
+        with writing(picture):
+            picture.parent.mkdir(parents=True, exist_ok=True)
+        atomic_write(picture, cv2.imencode(".jpg", drawn)[1].tobytes())
+    except OutputError:  # that no board was found is what matters
+        return ""
+    return f"; see {picture}"
 
 
 def require_motion(photos: Sequence[Photo]) -> None:
@@ -137,10 +151,10 @@ def require_motion(photos: Sequence[Photo]) -> None:
         apart = np.linalg.norm(at[:, None] - at[None], axis=2)
         if np.any(np.count_nonzero(apart < limit, axis=1) < len(showing)):
             return
-    raise SourceError(
-        f"{len(showing)} photos show the boards in the same places; move and tilt the rig, or the boards,"
-        " from photo to photo"
-    )
+    move = "move and tilt the rig, or the boards, from photo to photo"
+    if len(showing) == 1:
+        raise SourceError(f"only one photo shows a board; take several, and {move}")
+    raise SourceError(f"{len(showing)} photos show the boards in the same places; {move}")
 
 
 def _grey(photo: Photo) -> Image:
