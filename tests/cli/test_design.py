@@ -32,6 +32,9 @@ def test_a_drawing_becomes_a_rig_and_its_report(facetcam: Facetcam, drawing: Pat
     found = json.loads((out / "design.json").read_text())
     assert found["horizon_share"] == pytest.approx(0.324, abs=0.005)
     assert set(found["views"]) == {"front", "left", "back", "right"}
+    centres = np.array([view["centre"] for view in found["views"].values()])
+    about_mean = np.sqrt(np.sum(centres.var(axis=0)))
+    assert found["centres_spread_rms"] == pytest.approx(about_mean, rel=1e-9)
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 7 and "not one single view point" in page
     assert not re.search(r"\bnan\b|\binf\b|mathdefault", page)
@@ -83,7 +86,10 @@ def test_the_shipped_designs(facetcam: Facetcam, name: str, tmp_path: Path) -> N
         ("family: {radios: 0.1}", "did you mean 'radius'"),
         ("family: {depth: 0.07}", "cross each other"),
         ("family: {camera_height: 0.079}\ncamera: {focal: 1250}", "stands in mirror"),
-        ("family: {depth: 0}", "no area"),
+        ("family: {depth: 0}", "depth 0 have no area"),
+        ("family: {radius: 0}", "radius is 0; it must be above zero"),
+        ("family: {faces: 2}", "faces make a rig, got 2"),
+        ("family: {camera_height: 0.11}\ncamera: {focal: 700}", "opening of 60 x 15 mm is too small"),
         ("family: {}\nrig: preset:ryu", "either family"),
         ("{}", "either family"),
         ("rig: nowhere.yaml", "nowhere.yaml"),
@@ -104,6 +110,23 @@ def test_bad_drawings_are_one_line(facetcam: Facetcam, text: str, words: str, tm
     line = only_line(facetcam("design", tmp_path / "bad.yaml", "--out", tmp_path / "out"))
     assert words in line
     assert not (tmp_path / "out").exists()
+
+
+def test_a_camera_without_mirrors_is_a_rig_of_one_view_and_one_without_views_is_none(
+    facetcam: Facetcam, tmp_path: Path
+) -> None:
+    rig = Rig.load("preset:ryu")
+    upright = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    bare, none = tmp_path / "bare.yaml", tmp_path / "none.yaml"
+    Rig(rig.camera, upright).save(bare)
+    result = facetcam("design", bare, "--no-tolerance", "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    across = 2 * np.arctan(rig.camera.width / 2 / rig.camera.fx)
+    found = json.loads((tmp_path / "out" / "design.json").read_text())
+    assert found["horizon_share"] == pytest.approx(across / (2 * np.pi), abs=0.002)
+    none.write_text(bare.read_text().split("views:")[0] + "views: {}\n")
+    line = only_line(facetcam("design", none, "--out", tmp_path / "never"))
+    assert "none.yaml: views: a rig takes 1 to" in line
 
 
 def test_bad_wishes_are_one_line(facetcam: Facetcam, drawing: Path, tmp_path: Path) -> None:

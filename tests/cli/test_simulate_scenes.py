@@ -209,3 +209,49 @@ def test_odd_paths_are_said_and_still_filmed(studio: Path, facetcam: Facetcam) -
     assert "the path is outside the scene at 0.20 s" in said
     assert "the path passes through a surface at 0.10 s" in said
     assert "the rig stands in a wall, or within 2 cm of one, at 0.10 s" in said
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("empty.glb", b"", "empty.glb: empty file; export the scene again"),
+        ("words.glb", b"a room, in words alone\n", "words.glb: not a glTF binary; export the scene as .glb"),
+        ("cut.glb", b"glTF\2\0\0\0\0\1\0\0", "cut.glb: cut short, 12 of 256 bytes"),
+        ("words.gltf", b"a room", "words.gltf: not a glTF text file"),
+        ("empty.obj", b"", "empty.obj: empty file"),
+    ],
+)
+def test_a_file_that_is_no_scene_is_refused_in_our_own_words(
+    studio: Path, facetcam: Facetcam, name: str, content: bytes, says: str
+) -> None:
+    (studio / name).write_bytes(content)
+    command = ["simulate", studio / name, "--rig", studio / "rig.yaml", "--trajectory", studio / "path.tum"]
+    result = facetcam(*command, "--out", studio / "never")
+    assert result.exit_code == 1
+    assert says in only_line(result)
+    assert not (studio / "never").exists()
+
+
+@pytest.mark.parametrize(
+    ("points", "says"),
+    [
+        ("x,y\n0,0\n", "two or more finite points, got 1"),
+        ("x,y\n", "two or more finite points, got 0"),
+        ("x,y\n0,0\nnan,1\n", "points.csv line 3: 'nan,1' is no place"),
+        ("x,y\n0,0\n0,0\n1,2\n", "points 1 and 2 are one place"),
+        ("x,y\n0,0\n1,east\n", "points.csv line 3: expected two numbers"),
+    ],
+)
+def test_waypoints_that_make_no_path_are_refused(
+    studio: Path, facetcam: Facetcam, points: str, says: str
+) -> None:
+    (studio / "points.csv").write_text(points)
+    command = ["simulate", "room.glb", "--rig", studio / "rig.yaml", "--drive", studio / "points.csv"]
+    assert says in only_line(facetcam(*command, "--out", studio / "never"))
+
+
+def test_a_rig_without_views_is_refused(studio: Path, facetcam: Facetcam) -> None:
+    rig = studio / "rig.yaml"
+    rig.write_text(rig.read_text().split("views:")[0] + "views: {}\n")
+    command = ["simulate", "room.glb", "--rig", rig, "--trajectory", studio / "path.tum"]
+    assert "rig.yaml: views: a rig takes 1 to" in only_line(facetcam(*command, "--out", studio / "never"))

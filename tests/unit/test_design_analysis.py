@@ -211,7 +211,7 @@ class TestFamily:
             (Family(radius=0.0), CameraSpec(), "above zero"),
             (Family(depth=0.0), CameraSpec(), "no area"),
             (Family(depth=None), CameraSpec(), "give their depth"),
-            (Family(faces=2), CameraSpec(), "3 to 24 faces"),
+            (Family(faces=2), CameraSpec(), "3 to 24 faces make a rig, got 2"),
             (Family(camera_height=0.079), CameraSpec(focal=1250.0), "stands in mirror"),
             (
                 Family(tilt_degrees=20.0, camera_height=0.16),

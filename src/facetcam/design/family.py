@@ -81,20 +81,23 @@ def _cuts(planes: Array, polygon: Array) -> bool:
 
 
 def _check_numbers(family: Family) -> None:
-    numbers = (family.radius, family.height, family.aspect, family.camera_height, family.tilt_degrees)
-    if not all(math.isfinite(n) and n > 0 for n in numbers) or not 3 <= family.faces <= _MOST_FACES:
-        raise RigError(f"family: 3 to {_MOST_FACES} faces, and radius, tilt, height and aspect above zero")
+    for name in ("radius", "height", "aspect", "camera_height", "tilt_degrees"):
+        value = getattr(family, name)
+        if not (math.isfinite(value) and value > 0):
+            raise RigError(f"family: {name} is {value:g}; it must be above zero and finite")
+    if not 3 <= family.faces <= _MOST_FACES:
+        raise RigError(f"family: 3 to {_MOST_FACES} faces make a rig, got {family.faces}")
     if family.tilt_degrees >= 90:
         raise RigError(f"family: a tilt of {family.tilt_degrees:g} degrees must be below 90")
     if family.depth is not None and not family.depth > 0:
-        raise RigError("family: facets of depth zero have no area; give a depth above zero")
+        raise RigError(f"family: facets of depth {family.depth:g} have no area; give a depth above zero")
     if family.depth is None and family.fold:
         raise RigError("family: folded facets leave an opening for the camera's rays; give their depth")
 
 
 def _folded(family: Family) -> tuple[dict[str, Mirror], dict[str, View], Array]:
     assert family.depth is not None
-    outline = _outline(family)
+    outline = base_outline(family)
     opening = inset(outline, family.depth)
     drop = family.depth * math.tan(family.tilt)
     if drop >= family.height:
@@ -109,7 +112,7 @@ def _folded(family: Family) -> tuple[dict[str, Mirror], dict[str, View], Array]:
 
 
 def _upright(family: Family) -> tuple[dict[str, Mirror], dict[str, View], Array]:
-    outline = _outline(family)
+    outline = base_outline(family)
     to_tip = family.depth is None or family.depth >= family.radius * (1 - 1e-9)
     if to_tip and abs(family.aspect - 1.0) > 1e-9 and family.faces % 2 == 0:
         raise RigError("family: a pyramid of aspect other than 1 has no tip; give a depth below the radius")
@@ -126,7 +129,8 @@ def _upright(family: Family) -> tuple[dict[str, Mirror], dict[str, View], Array]
     return faces, {name: View((name,)) for name in faces}, np.array([0.0, 0.0, family.height])
 
 
-def _outline(family: Family) -> Array:
+def base_outline(family: Family) -> Array:
+    """Corners (N, 2) in metres of the base or of a pyramid's foot; an odd one is not stretched."""
     stretch = family.aspect if family.faces % 2 == 0 else 1.0
     return regular_outline(family.faces, family.radius) * (stretch, 1.0)
 
@@ -161,8 +165,8 @@ def _check_opening(rig: Rig, family: Family) -> None:
     level = family.height - family.depth * math.tan(family.tilt)
     if family.camera_height <= level + _ROUNDING:
         return
-    opening = np.abs(inset(_outline(family), family.depth)).max(axis=0)
-    base = np.abs(_outline(family)).max(axis=0)
+    opening = np.abs(inset(base_outline(family), family.depth)).max(axis=0)
+    base = np.abs(base_outline(family)).max(axis=0)
     sensor = np.array([rig.camera.width, rig.camera.height]) / 2 / np.array([rig.camera.fx, rig.camera.fy])
     cone = np.minimum(sensor, base / family.camera_height) * (family.camera_height - level)
     if np.any(cone > opening + _ROUNDING):

@@ -15,11 +15,12 @@ from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection
 
 from facetcam.design.extras import need
+from facetcam.design.family import base_outline
 from facetcam.design.spec import Body, Family, Making
 from facetcam.design.templates import reflecting_side
 from facetcam.errors import ConfigError
 from facetcam.rig import Rig
-from facetcam.rig.frustum import inset, regular_outline
+from facetcam.rig.frustum import inset
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -47,7 +48,7 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
         If the mirrors are too thick, or the opening too small, to leave anything to print.
     """
     need("manifold3d")
-    outline = MM * _outline(family)
+    outline = MM * base_outline(family)
     posts = [corner + (POST_RADIUS + POST_GAP) * _unit(corner) for corner in outline]
     thickness = making.thickness_mm
     if family.fold:
@@ -82,7 +83,9 @@ def to_stl(solid: Manifold) -> bytes:
 
 def post_places(family: Family) -> Array:
     """Centres (N, 2) of the posts in mm, beyond the corners of the outline."""
-    return np.array([corner + (POST_RADIUS + POST_GAP) * _unit(corner) for corner in MM * _outline(family)])
+    return np.array(
+        [corner + (POST_RADIUS + POST_GAP) * _unit(corner) for corner in MM * base_outline(family)]
+    )
 
 
 def _behind_facets(rig: Rig, thickness: float, low: float, high: float) -> Manifold:
@@ -112,7 +115,7 @@ def _with_camera_room(top: Manifold, rig: Rig, family: Family, body: Body, thick
     from manifold3d import Manifold
 
     level = MM * (family.height - _depth(family) * math.tan(family.tilt))
-    opening = MM * np.abs(inset(_outline(family), _depth(family))).max(axis=0)
+    opening = MM * np.abs(inset(base_outline(family), _depth(family))).max(axis=0)
     back, half = MM * (family.camera_height + body.depth), MM * np.array([body.width, body.height]) / 2
     if back <= level:
         room = opening - thickness / math.sin(family.tilt)
@@ -173,11 +176,6 @@ def _box(half: Array, low: float, high: float) -> Manifold:
 
 def _depth(family: Family) -> float:
     return family.radius if family.depth is None else family.depth
-
-
-def _outline(family: Family) -> Array:
-    stretch = family.aspect if family.faces % 2 == 0 else 1.0
-    return regular_outline(family.faces, family.radius) * (stretch, 1.0)
 
 
 def _unit(vector: Array) -> Array:

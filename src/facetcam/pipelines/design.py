@@ -191,6 +191,7 @@ def numbers(design: Design) -> dict[str, Any]:
         "sphere_share": analysis.sphere,
         "overlap_share": analysis.overlap,
         "centres_spread": analysis.spread,
+        "centres_spread_rms": analysis.spread_rms,
         "dead_pixels": analysis.sensor.dead(),
         "parasites": analysis.sensor.parasites,
         "views": {name: _plain(view) for name, view in analysis.views.items()},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -172,6 +173,8 @@ def read_waypoints(path: Path) -> Array:
             x, y = (float(value) for value in row)
         except ValueError as error:
             raise SourceError(f"{path} line {number}: expected two numbers x,y") from error
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise SourceError(f"{path} line {number}: '{','.join(row)}' is no place; give finite metres")
         points.append((x, y))
     return np.array(points, dtype=np.float64).reshape(-1, 2)
 

@@ -81,8 +81,11 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
     """
     points = np.asarray(waypoints, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    if len(points) < 2 or not np.isfinite(points).all() or apart.min() < 1e-6:
-        raise FacetcamError("waypoints: give two or more finite points, neighbours apart from each other")
+    if len(points) < 2 or not np.isfinite(points).all():
+        raise FacetcamError(f"waypoints: give two or more finite points, got {len(points)}")
+    if apart.min() < 1e-6:
+        k = int(np.argmin(apart)) + 1
+        raise FacetcamError(f"waypoints: points {k} and {k + 1} are one place; leave one of them out")
     if not (fps > 0 and speed > 0):
         raise FacetcamError(f"drive: fps {fps:g} and speed {speed:g} must be above zero")
     from scipy.interpolate import CubicSpline

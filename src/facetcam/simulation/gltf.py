@@ -38,6 +38,23 @@ def header(path: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
+def fault(path: Path) -> str | None:
+    """Say what keeps a scene from being read at all, and what to do; None where nothing is seen yet."""
+    size = path.stat().st_size
+    if not size:
+        return "empty file; export the scene again"
+    if path.suffix.lower() == ".gltf" and not header(path):
+        return "not a glTF text file (JSON); export the scene as .glb"
+    if path.suffix.lower() == ".glb":
+        with path.open("rb") as file:
+            magic, length = struct.unpack("<4s4xI", file.read(12).ljust(12, b"\0"))
+        if magic != b"glTF":
+            return "not a glTF binary; export the scene as .glb"
+        if size < max(length, 20):
+            return f"cut short, {size} of {length} bytes; export or copy the scene again"
+    return None
+
+
 def left_out(content: dict[str, Any]) -> list[str]:
     """Say what a glTF file asks for and will not get, in one line if any."""
     named = []

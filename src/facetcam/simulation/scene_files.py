@@ -106,12 +106,18 @@ def _load(path: Path) -> Any:
         raise FacetcamError("simulate: needs trimesh; pip install facetcam[sim]") from error
     if not path.is_file():
         raise SourceError(f"{path}: no such scene file")
+    try:
+        fault = gltf.fault(path)
+    except OSError as error:
+        raise SourceError(f"{path}: {error.strerror}") from error
+    if fault:
+        raise SourceError(f"{path}: {fault}")
     logging.getLogger("trimesh").setLevel(logging.CRITICAL)  # what matters is said in our own words
     try:
         return trimesh.load_scene(path, process=False)
     except Exception as error:  # whatever a broken file makes the reader raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
-        raise SourceError(f"{path}: not a usable scene ({reason})") from error
+        raise SourceError(f"{path}: not a usable scene ({reason}); export it as .glb") from error
 
 
 def _mesh(geometry: Any, T: NDArray[np.float64], material: Material) -> Mesh:
