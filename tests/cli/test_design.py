@@ -13,7 +13,7 @@ from command import Facetcam, only_line
 from facetcam.rig import Rig
 
 DESIGNS = Path(__file__).parents[2] / "examples" / "designs"
-FEW = "tolerance: {builds: 3}\n"
+FEW = "tolerance: {builds: 3, depths: [0.5, 2.0]}\n"
 
 
 @pytest.fixture
@@ -37,6 +37,7 @@ def test_a_drawing_becomes_a_rig_and_its_report(facetcam: Facetcam, drawing: Pat
     assert found["centres_spread_rms"] == pytest.approx(about_mean, rel=1e-9)
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 7 and "not one single view point" in page
+    assert "it shifts points at 0.5 m by" in page  # of the depths of the drawing, the nearest to a metre
     assert not re.search(r"\bnan\b|\binf\b|mathdefault", page)
     again = facetcam("design", out / "design.yaml", "--out", tmp_path / "again", "--no-tolerance")
     assert again.exit_code == 0, again.output

@@ -49,6 +49,7 @@ class ToleranceReport:
     after: Array  # (B, V)
     seam_shift: Array  # (V,)
     sensitivities: list[Sensitivity]
+    depth: float  # metres of the points that the sensitivities to a shift are of
 
     @property
     def removed(self) -> Array:
@@ -91,7 +92,9 @@ def simulate_builds(
         after[build] = _rms_by_view(model, model.fitted(fit, sigmas, tolerance.noise_px), judge)
         progress(build + 1, tolerance.builds)
     shifts = np.array([_seam_shift(rig, name, tolerance.cut_mm * 1e-3) for name in rig.views])
-    return ToleranceReport(rig.view_names, before, after, shifts, sensitivities(rig, samples))
+    depth = min(tolerance.depths, key=lambda metres: abs(metres - 1.0))
+    moves = sensitivities(rig, samples, depth)
+    return ToleranceReport(rig.view_names, before, after, shifts, moves, depth)
 
 
 def sensitivities(rig: Rig, samples: dict[str, Array], depth: float = 1.0) -> list[Sensitivity]:

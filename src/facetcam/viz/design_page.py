@@ -194,7 +194,7 @@ def tolerance_context(report: DesignReport) -> dict[str, Any] | None:
         (s.view, s.error, f"{s.pixels:.3f} px", "" if s.rule is None else f"{s.rule:.3f} px")
         for s in result.sensitivities
     ]
-    return {"words": words, "rows": rows, "rules": rules}
+    return {"words": words, "rows": rows, "rules": rules, "depth": f"{result.depth:g} m"}
 
 
 def search_context(found: Found | None) -> dict[str, Any] | None:

@@ -17,9 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # matplotlib writes fixed colours; these marks are replaced by the page's CSS variables afterwards.
-INK, MUTED, LINE = "#010203", "#040506", "#070809"
-CSS_OF_MARK = {INK: "var(--ink)", MUTED: "var(--muted)", LINE: "var(--line)"}
-COLOUR_OF_CSS = {"var(--ink)": "#1b1f24", "var(--muted)": "#6b7480", "var(--line)": "#e3e6ea"}
+INK, MUTED, LINE, CARD = "#010203", "#040506", "#070809", "#0a0b0c"
+CSS_OF_MARK = {INK: "var(--ink)", MUTED: "var(--muted)", LINE: "var(--line)", CARD: "var(--card)"}
+COLOUR_OF_CSS = {
+    "var(--ink)": "#1b1f24",
+    "var(--muted)": "#6b7480",
+    "var(--line)": "#e3e6ea",
+    "var(--card)": "#fff",
+}
 BAR_COLOUR, TRUTH_COLOUR, ERROR_COLOUR, CLOUD_COLOUR = "#1aa179", "#e8890c", "#e5484d", "#8a94a3"
 MAX_SAMPLES = 1500  # along time; more would only make the page heavy
 

@@ -13,7 +13,7 @@ from facetcam.design.spec import Body, Family
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.rig.tracing import Tracer
-from facetcam.viz.figures import INK, MUTED, plain, to_svg
+from facetcam.viz.figures import CARD, INK, MUTED, plain, to_svg
 from facetcam.viz.palette import view_colour
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ MM = 1000.0
 MIRROR_COLOUR, BODY_COLOUR = "#8a94a3", "#4a5362"
 _BOUNCES = 6
 _RAYS = 5  # drawn of each view
+_PAPER = {"facecolor": CARD, "alpha": 0.85, "edgecolor": "none", "pad": 1.0}  # under words amid rays
 
 
 def rig_figure(analysis: Analysis, body: Body) -> str:
@@ -162,7 +163,7 @@ def frame_axes(axes: Any, points: Array, zoom: float = 1.45) -> None:
 
 
 def _dimensions(axes: Axes, family: Family, across: int) -> None:
-    """Radius, tilt and height in the paper's sense."""
+    """Height, and radius and tilt where a facet is seen edge-on: to the right only of 4, 8, ... faces."""
     stretch = family.aspect if across == 0 and family.faces % 2 == 0 else 1.0
     radius = MM * family.radius * stretch
     words_of = "radius" if stretch == 1.0 else "radius × aspect"
@@ -176,9 +177,6 @@ def _dimensions(axes: Axes, family: Family, across: int) -> None:
         axes.annotate("", start, end, arrowprops={"arrowstyle": "<->", "color": MUTED, "lw": 0.9})
         axes.annotate(words, at, color=INK, ha="center", va="center", fontsize=9)
 
-    measure(
-        (0, wide + room), (radius, wide + room), f"{words_of} {radius:.1f}", (radius / 2, wide + 1.9 * room)
-    )
     measure((-1.15 * radius, 0), (-1.15 * radius, MM * family.height), "", (0, 0))
     words = f"height {MM * family.height:.0f}"
     axes.annotate(
@@ -189,10 +187,15 @@ def _dimensions(axes: Axes, family: Family, across: int) -> None:
         ha="center",
         va="center",
         fontsize=9,
+        bbox=_PAPER,
     )
-    axes.annotate(
-        f"tilt {family.tilt_degrees:.1f}°", (radius * 1.04, wide - 0.7 * room), color=INK, fontsize=9
+    if across == 0 and family.faces % 4:
+        return
+    measure(
+        (0, wide + room), (radius, wide + room), f"{words_of} {radius:.1f}", (radius / 2, wide + 1.9 * room)
     )
+    tilt = f"tilt {family.tilt_degrees:.1f}°"
+    axes.annotate(tilt, (radius * 1.04, wide - 0.7 * room), color=INK, fontsize=9, bbox=_PAPER)
 
 
 def _corners(rig: Rig) -> Array:
