@@ -70,13 +70,15 @@ def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, n
     assert "precious" in (out / "rig.yaml").read_text()
 
 
-def test_a_stopped_run_keeps_what_it_found(tmp_path: Path, boards: Path, nominal: Path) -> None:
+@pytest.mark.parametrize("during", ["looking for boards", "solving"])
+def test_a_stopped_run_keeps_what_it_found(tmp_path: Path, boards: Path, nominal: Path, during: str) -> None:
     photos = write_photos(tmp_path / "in", [photo(seed=k) for k in range(3)])
 
     @contextmanager
     def impatient(name: str) -> Iterator[Callable[[int, int | None], None]]:
         def stop(done: int, total: int | None) -> None:
-            raise KeyboardInterrupt
+            if name == during:
+                raise KeyboardInterrupt
 
         yield stop
 

@@ -9,7 +9,7 @@ import typer
 
 from facetcam.cli.failures import warn
 from facetcam.cli.options import OutOption, output_folder
-from facetcam.cli.progress import progress_bar
+from facetcam.cli.progress import prompt_bar
 from facetcam.cli.tables import print_pairs
 
 if TYPE_CHECKING:
@@ -52,13 +52,20 @@ def calibrate(
     from facetcam.pipelines.calibrate import run_calibration, run_check
 
     if check:
-        run = run_check(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=progress_bar)
+        run = run_check(images, boards, folder, rig=rig, camera=camera, cache=cache, stage=prompt_bar)
         for warning in run.warnings:
             warn(warning)
         print_pairs("check", run.rows())
         raise typer.Exit(0 if run.preflight.enough else 1)
     result = run_calibration(
-        images, boards, folder, rig=rig, camera=camera, holdout=holdout, cache=cache, stage=progress_bar
+        images,
+        boards,
+        folder,
+        rig=rig,
+        camera=camera,
+        holdout=holdout,
+        cache=cache,
+        stage=prompt_bar,
     )
     for warning in result.warnings:
         warn(warning)
@@ -85,7 +92,7 @@ def _hand_mirror(
         raise typer.BadParameter(hint, param_hint="'--hand-mirror'")
     from facetcam.pipelines.hand_mirror import run_hand_mirror
 
-    placed = run_hand_mirror(images, boards, out, camera, cache=cache, stage=progress_bar)
+    placed = run_hand_mirror(images, boards, out, camera, cache=cache, stage=prompt_bar)
     for warning in placed.summary.warnings:
         warn(warning)
     print_pairs("calibrate", hand_mirror_rows(placed))

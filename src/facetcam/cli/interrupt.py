@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM between two frames instead of amid one."""
+"""Ctrl-C and SIGTERM: between two frames instead of amid one, or at once where nothing is lost by it."""
 
 from __future__ import annotations
 
@@ -37,10 +37,30 @@ def stoppable() -> Iterator[Callable[[], None]]:
         for number in SIGNALS:
             signal.signal(number, ask)
 
-    before = {number: signal.getsignal(number) for number in SIGNALS}
-    listen()
-    try:
+    with _handlers_kept():
+        listen()
         yield stop_if_asked
+
+
+@contextmanager
+def stopped_at_once() -> Iterator[None]:
+    """Let a signal strike wherever the block is, for steps that take long and write nothing."""
+
+    def stop(number: int, _: FrameType | None) -> None:
+        raise Stopped(number)
+
+    with _handlers_kept():
+        for number in SIGNALS:
+            signal.signal(number, stop)
+        yield
+
+
+@contextmanager
+def _handlers_kept() -> Iterator[None]:
+    """After the block, signals are handled as before."""
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

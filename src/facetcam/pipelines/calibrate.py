@@ -119,7 +119,8 @@ def run_calibration(
     warnings = list(seen.warnings)
 
     def write(reason: str = "") -> None:
-        told = [*warnings, f"the judging was cut short: {reason}"] if reason else warnings
+        unjudged = reason and validation is None
+        told = [*warnings, f"the judging was cut short: {reason}"] if unjudged else warnings
         write_calibration(calibration, validation, seen.photos, second, folder, told, seen.rig is not None)
 
     with keeping(folder, write):

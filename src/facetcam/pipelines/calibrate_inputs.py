@@ -78,12 +78,8 @@ def looked(
 ) -> tuple[list[Photo], tuple[str, ...]]:
     """Photos of a size that belong together, with the boards in them, and why others were left out."""
     remembered = Path(cache) if cache is not None else default_cache()
-    with stage("looking for boards") as progress:
-        try:
-            photos, unreadable = look_at_photos(paths, boards, remembered, progress)
-        except KeyboardInterrupt as error:
-            error.add_note("what was found so far is kept, the same command goes on from there")
-            raise
+    with stage("looking for boards") as progress, telling():
+        photos, unreadable = look_at_photos(paths, boards, remembered, progress)
     kept, left_out = fit_together(photos, size)
     warnings = (*unreadable, *left_out)
     with telling(warnings):
@@ -92,10 +88,13 @@ def looked(
 
 
 @contextmanager
-def telling(warnings: Sequence[str]) -> Iterator[None]:
-    """Let a failure also tell which photos were left out before, and why: that may be its cause."""
+def telling(warnings: Sequence[str] = ()) -> Iterator[None]:
+    """Let a failure also tell which photos were left out, as that may be its cause; a stop, what is kept."""
     try:
         yield
+    except KeyboardInterrupt as error:
+        error.add_note("what was found so far in the photos is kept, the same command goes on from there")
+        raise
     except FacetcamError as error:
         for warning in warnings:
             error.add_note(warning)

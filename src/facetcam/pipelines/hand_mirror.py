@@ -21,7 +21,7 @@ from facetcam.geometry import se3
 from facetcam.io.intrinsics import read_intrinsics
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.io.virtual_cameras import opencv_camera
-from facetcam.pipelines.calibrate_inputs import Images, looked
+from facetcam.pipelines.calibrate_inputs import Images, looked, telling
 from facetcam.pipelines.calibrate_results import residuals_csv
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_memory import Photo
@@ -114,7 +114,7 @@ def run_hand_mirror(
     photos, said = looked(photo_paths(images), set_, out, size, cache, stage)
     board, warnings = set_.boards[0], [*said]
     photos, sightings = _in_the_mirror(photos, warnings)
-    with stage("solving"):
+    with telling(said), stage("solving"):
         found = solve_hand_mirror(board, sightings, lens)
     with stage("judging") as progress:
         sigma = sigma_of(found, board, lens, progress)
