@@ -19,6 +19,7 @@ from facetcam.geometry import se3
 from facetcam.rig import Camera, Mirror, Rig, View, presets
 from facetcam.rig.mirrors import Glass
 from facetcam.viz.design_page import verdict
+from facetcam.viz.rig_figures import ray_path
 
 Array = NDArray[np.float64]
 SIZE = (1600, 1200)
@@ -76,6 +77,10 @@ def test_every_pixel_of_the_paper_s_rig_has_one_fate() -> None:
     used = sum(view.sensor_share for view in found.views.values())
     assert used + sum(found.sensor.dead().values()) == pytest.approx(1.0, abs=1e-12)
     assert set(found.sensor.parasites) == {"base"}
+    # The pixel deepest within them: it hits the base and then passes all facets by.
+    path = ray_path(rig, rig.camera.ray(found.sensor.amid["base"][None])[0], 1.0)
+    assert len(path) == 3
+    assert path[1][2] == pytest.approx(0.0, abs=1e-9)
     assert found.sensor.dead()["camera's own reflection"] > 0.02
     # Without a body in the way the views have the pixels that the rig says they have.
     bare = analyse(rig, Body(1e-4, 1e-4, 1e-4), Optics(), step=2)

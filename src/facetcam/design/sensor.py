@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +21,7 @@ NO_MIRROR, CAMERA, PARASITE, NO_RAY = "no mirror", "camera's own reflection", "p
 CAUSES = (NO_MIRROR, CAMERA, PARASITE, NO_RAY)
 
 BOUNCES = 6  # a ray that is still between mirrors after these is lost in a corner
+_NAMED = 3  # parasitic paths that get a pixel as their example
 _BAND = 128  # rows traced at once
 
 
@@ -36,7 +38,9 @@ class SensorMap:
     per_degree : (H, W) array
         Pixels per degree there; mirrors do not change it.
     parasites : dict
-        Sequence of mirrors, joined by '>', to its share of the frame.
+        Sequence of mirrors, joined by '>', to its share of the frame, largest first.
+    amid : dict
+        The first few of these sequences to the pixel (u, v) deepest within those that follow it.
     step : int
     """
 
@@ -44,6 +48,7 @@ class SensorMap:
     cause: NDArray[np.int8]
     per_degree: Array
     parasites: dict[str, float]
+    amid: dict[str, Array]
     step: int
 
     def share(self, index: int) -> float:
@@ -60,7 +65,7 @@ def sensor_map(rig: Rig, body: Body, step: int = 1) -> SensorMap:
     rows, columns = range(0, rig.camera.height, step), range(0, rig.camera.width, step)
     shape = len(rows), len(columns)
     view, cause = np.full(shape, NO_VIEW, np.int8), np.full(shape, -1, np.int8)
-    per_degree, tally = np.zeros(shape), dict[str, float]()
+    per_degree, strays = np.zeros(shape), dict[str, list[Array]]()
     names, tracer = list(rig.mirrors), _tracer(rig, body)
     for top in range(0, shape[0], _BAND):
         v, u = np.meshgrid(rows[top : top + _BAND], columns, indexing="ij")
@@ -76,9 +81,13 @@ def sensor_map(rig: Rig, body: Body, step: int = 1) -> SensorMap:
         view[band] = np.where(seen, labels, NO_VIEW).reshape(v.shape)
         cause[band] = causes.reshape(v.shape)
         per_degree[band] = _per_degree(rig, pixels, rays).reshape(v.shape)
-        for sequence, count in _sequences(mirrors[:, causes == CAUSES.index(PARASITE)], names):
-            tally[sequence] = tally.get(sequence, 0.0) + count / view.size
-    return SensorMap(view, cause, per_degree, dict(sorted(tally.items(), key=lambda e: -e[1])), step)
+        stray = np.flatnonzero(causes == CAUSES.index(PARASITE))
+        for sequence, followers in _sequences(mirrors[:, stray], names):
+            strays.setdefault(sequence, []).append(pixels[stray[followers]])
+    gathered = {sequence: np.vstack(parts) for sequence, parts in strays.items()}
+    shares = {s: len(p) / view.size for s, p in sorted(gathered.items(), key=lambda e: -len(e[1]))}
+    amid = {s: _deepest(gathered[s], rig.size, step) for s in list(shares)[:_NAMED]}
+    return SensorMap(view, cause, per_degree, shares, amid, step)
 
 
 def _tracer(rig: Rig, body: Body) -> Tracer:
@@ -106,16 +115,27 @@ def _causes(mirrors: NDArray[np.int8], at_camera: NDArray[np.bool_]) -> NDArray[
     return causes
 
 
-def _sequences(mirrors: NDArray[np.int8], names: list[str]) -> list[tuple[str, int]]:
-    """Each distinct sequence of mirrors among rays (B, N), and how many follow it."""
+def _deepest(pixels: Array, size: tuple[int, int], step: int) -> Array:
+    """The pixel (2,) of a set (N, 2) that is farthest from all others of the frame."""
+    inside = np.zeros((size[1] // step + 3, size[0] // step + 3), np.uint8)  # with a rim
+    columns, rows = (pixels / step).astype(int).T + 1
+    inside[rows, columns] = 1
+    depth = cv2.distanceTransform(inside, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    deepest: Array = pixels[np.argmax(depth[rows, columns])]
+    return deepest
+
+
+def _sequences(mirrors: NDArray[np.int8], names: list[str]) -> list[tuple[str, NDArray[np.intp]]]:
+    """Each distinct sequence of mirrors among rays (B, N), and the indices of those that follow it."""
     if not mirrors.shape[1]:
         return []
     # One number a ray is unique far faster than one row a ray.
     codes = (mirrors.astype(np.int64) + 2).T @ (len(names) + 2) ** np.arange(len(mirrors))
     _, first, counts = np.unique(codes, return_index=True, return_counts=True)
+    followers = np.split(np.argsort(codes, kind="stable"), np.cumsum(counts)[:-1])
     rows = mirrors.T[first]
     words = [" > ".join(names[m] for m in row if m >= 0) for row in rows]
-    return [(word if row[-1] < 0 else f"{word} > ...", int(n)) for word, row, n in zip(words, rows, counts)]
+    return [(w if row[-1] < 0 else f"{w} > ...", who) for w, row, who in zip(words, rows, followers)]
 
 
 def _per_degree(rig: Rig, pixels: Array, rays: Array) -> Array:

@@ -142,6 +142,8 @@ def figures(report: DesignReport) -> dict[str, Markup]:
         "sensor": design_figures.sensor_figure(analysis),
         "sphere": design_figures.sphere_figure(analysis),
     }
+    if analysis.sensor.amid:
+        drawn["strays"] = rig_figures.stray_figure(analysis, spec.body)
     if report.optimum:
         best = next(iter(report.optimum.values())).focal
         target = first_mirror(analysis.rig)

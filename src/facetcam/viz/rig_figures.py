@@ -13,7 +13,7 @@ from facetcam.design.spec import Body, Family
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.rig.tracing import Tracer
-from facetcam.viz.figures import CARD, INK, MUTED, plain, to_svg
+from facetcam.viz.figures import CARD, ERROR_COLOUR, INK, MUTED, plain, to_svg
 from facetcam.viz.palette import view_colour
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ MM = 1000.0
 MIRROR_COLOUR, BODY_COLOUR = "#8a94a3", "#4a5362"
 _BOUNCES = 6
 _RAYS = 5  # drawn of each view
+_STRAY_LINES = ("-", "--", ":")  # of the parasitic paths drawn
 _PAPER = {"facecolor": CARD, "alpha": 0.85, "edgecolor": "none", "pad": 1.0}  # under words amid rays
 
 
@@ -50,6 +51,27 @@ def rig_figure(analysis: Analysis, body: Body) -> str:
         shown.append(centre[None] / MM)
         _name_view(axes, path[-1], name, colour)
     frame_axes(axes, MM * np.vstack(shown))
+    return to_svg(figure)
+
+
+def stray_figure(analysis: Analysis, body: Body) -> str:
+    """The parasitic paths of the largest shares in space: the ray of the pixel deepest within each."""
+    from matplotlib.figure import Figure
+
+    rig, sensor = analysis.rig, analysis.sensor
+    figure = Figure(figsize=(6.4, 4.4), facecolor="none")
+    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", facecolor="none")
+    axes.set_axis_off()
+    axes.view_init(elev=24, azim=-62)
+    shown = [_draw_solids(axes, rig, body)]
+    size = float(np.ptp(shown[0], axis=0).max())
+    for style, (words, pixel) in zip(_STRAY_LINES, sensor.amid.items()):
+        path = ray_path(rig, rig.camera.ray(pixel[None])[0], 0.8 * size)
+        label = f"{words} ({100 * sensor.parasites[words]:.1f} %)"
+        axes.plot(*(MM * path).T, style, color=ERROR_COLOUR, lw=1.6, label=label)
+        shown.append(path)
+    frame_axes(axes, MM * np.vstack(shown), zoom=1.1)
+    axes.legend(loc="upper left", frameon=False, labelcolor=INK, fontsize=9)
     return to_svg(figure)
 
 
