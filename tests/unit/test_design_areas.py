@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from facetcam.design import cones
-from facetcam.design.areas import body_faces, view_areas
+from facetcam.design.areas import view_areas
 from facetcam.design.family import build
 from facetcam.design.spec import Body, CameraSpec, Family
+from facetcam.design.unfolding import body_faces
 from facetcam.geometry import se3
 from facetcam.rig import Camera, Mirror, Rig, View, presets
 

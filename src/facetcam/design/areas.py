@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.design import cones
 from facetcam.design.spec import Body
-from facetcam.geometry import se3
-from facetcam.rig import Camera, Mirror, Rig, View
+from facetcam.design.unfolding import Unfolding, beyond
+from facetcam.rig import Camera, Rig, View
 from facetcam.rig.camera import BROWN_CONRADY
 
 Array = NDArray[np.float64]
 
-_WALL = 1e3  # metres from the middle to the side of the square that stands for an unbounded mirror
 _SIDE_STEPS = 12  # straight pieces of each side of the sensor behind a lens with distortion
 
 
@@ -52,7 +51,7 @@ class Area:
 
 def view_areas(rig: Rig, body: Body | None = None) -> dict[str, Area]:
     """The area of every view; `body` hides what lies behind it."""
-    unfolding = _Unfolding(rig, body)
+    unfolding = Unfolding(rig, body)
     sensor = sensor_cones(rig.camera)
     areas = {name: _area(rig, name, unfolding, sensor) for name in rig.views}
     if any(mirror.polygon is None for mirror in rig.mirrors.values()):
@@ -73,62 +72,7 @@ def sensor_cones(camera: Camera) -> list[Array]:
     return [np.array([axis, a, b]) for a, b in zip(rays, np.roll(rays, -1, axis=0))]
 
 
-@dataclass(eq=False)
-class _Unfolding:
-    """Mirrors and body seen through the first mirrors of a chain, as if light went straight on."""
-
-    rig: Rig
-    body: Body | None
-    _known: dict[tuple[str, ...], tuple[dict[str, Array], list[Array]]] = field(default_factory=dict)
-
-    def through(self, chain: tuple[str, ...]) -> tuple[dict[str, Array], list[Array]]:
-        """Homogeneous corners (N, 4), in the camera frame, of all mirrors and of the body's near faces."""
-        if chain not in self._known:
-            T = self.rig.T_rig_cam
-            for name in chain:
-                T = self.rig.mirrors[name].reflection @ T
-            T_cam_rig = se3.inverse(T)
-            mirrors = {
-                name: _homogeneous(se3.transform(T_cam_rig, bounded(mirror, self.rig.T_rig_cam)))
-                for name, mirror in self.rig.mirrors.items()
-            }
-            self._known[chain] = mirrors, list(self._body_faces(T_cam_rig)) if chain else []
-        return self._known[chain]
-
-    def _body_faces(self, T_cam_rig: Array) -> Iterator[Array]:
-        if self.body is None:
-            return
-        middle = se3.transform(T_cam_rig @ self.rig.T_rig_cam, [(0.0, 0.0, -self.body.depth / 2)])[0]
-        for face in body_faces(self.body):
-            seen = se3.transform(T_cam_rig @ self.rig.T_rig_cam, face)
-            centre = seen.mean(axis=0)
-            if centre @ (centre - middle) < 0:  # it faces the camera; the others are behind these
-                yield _homogeneous(seen)
-
-
-def body_faces(body: Body) -> list[Array]:
-    """The six faces (4, 3) of the camera's body in the camera frame."""
-    x, y, z = body.width / 2, body.height / 2, body.depth
-    near = np.array([(-x, -y, 0.0), (x, -y, 0.0), (x, y, 0.0), (-x, y, 0.0)])
-    far = near - (0.0, 0.0, z)
-    sides = [np.array([near[i], near[(i + 1) % 4], far[(i + 1) % 4], far[i]]) for i in range(4)]
-    return [near, far, *sides]
-
-
-def bounded(mirror: Mirror, T_rig_cam: Array) -> Array:
-    """Corners of a mirror; of an unbounded one, a square too large to matter, opposite the camera."""
-    if mirror.polygon is not None:
-        return mirror.polygon
-    foot = T_rig_cam[:3, 3] + (mirror.offset - mirror.normal @ T_rig_cam[:3, 3]) * mirror.normal
-    across = np.cross(mirror.normal, np.eye(3)[np.argmin(np.abs(mirror.normal))])
-    across /= np.linalg.norm(across)
-    along = np.cross(mirror.normal, across)
-    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    square: Array = foot + _WALL * signs @ np.stack([across, along])
-    return square
-
-
-def _area(rig: Rig, name: str, unfolding: _Unfolding, sensor: Sequence[Array]) -> Area:
+def _area(rig: Rig, name: str, unfolding: Unfolding, sensor: Sequence[Array]) -> Area:
     """Clip by every mirror of the chain and by the sensor; take out whatever stands in the way."""
     view, R = rig.views[name], rig.T_rig_image(name)[:3, :3]
     core = _through_chain(view.mirrors, unfolding)
@@ -150,14 +94,14 @@ def _area(rig: Rig, name: str, unfolding: _Unfolding, sensor: Sequence[Array]) -
     return Area(pieces, R)
 
 
-def _through_chain(chain: tuple[str, ...], unfolding: _Unfolding) -> Array | None:
+def _through_chain(chain: tuple[str, ...], unfolding: Unfolding) -> Array | None:
     """The cone of rays that meet the mirrors of a chain in order, were nothing else there."""
     cone: Array | None = None
     for bounce, name in enumerate(chain):
         corners = unfolding.through(chain[:bounce])[0][name]
         if bounce:
             previous = unfolding.through(chain[: bounce - 1])[0][chain[bounce - 1]]
-            corners = cones.clip(corners, _beyond(previous))
+            corners = cones.clip(corners, beyond(previous))
         if len(corners) < 3:
             return cones.NOTHING
         rays = corners[:, :3] / np.linalg.norm(corners[:, :3], axis=1, keepdims=True)
@@ -167,15 +111,15 @@ def _through_chain(chain: tuple[str, ...], unfolding: _Unfolding) -> Array | Non
     return cone
 
 
-def _obstacles(rig: Rig, chain: tuple[str, ...], unfolding: _Unfolding) -> Iterator[Array]:
+def _obstacles(rig: Rig, chain: tuple[str, ...], unfolding: Unfolding) -> Iterator[Array]:
     """Walls of the cone of each thing that stands between two mirrors of the chain, or behind the last."""
     for bounce in range(len(chain) + 1):
         mirrors, body = unfolding.through(chain[:bounce])
         planes = []
         if bounce:
-            planes.append(_beyond(unfolding.through(chain[: bounce - 1])[0][chain[bounce - 1]]))
+            planes.append(beyond(unfolding.through(chain[: bounce - 1])[0][chain[bounce - 1]]))
         if bounce < len(chain):
-            planes.append(-_beyond(mirrors[chain[bounce]]))
+            planes.append(-beyond(mirrors[chain[bounce]]))
         ends = {chain[i] for i in (bounce - 1, bounce) if 0 <= i < len(chain)}
         # An unbounded mirror is a wall of unknown extent: it hides nothing behind the last mirror.
         others = [
@@ -190,19 +134,6 @@ def _obstacles(rig: Rig, chain: tuple[str, ...], unfolding: _Unfolding) -> Itera
                 half_spaces = cones.walls(corners[:, :3])
                 if len(half_spaces) >= 3:
                     yield half_spaces
-
-
-def _beyond(corners: Array) -> Array:
-    """The half space (4,) on the far side of a polygon's plane from the camera, in the origin."""
-    points = corners[:, :3]
-    normal = np.cross(points[1] - points[0], points[2] - points[0])
-    normal /= np.linalg.norm(normal)
-    offset = normal @ points[0]
-    return np.append(normal, -offset) * (1.0 if offset >= 0 else -1.0)
-
-
-def _homogeneous(points: Array) -> Array:
-    return np.column_stack([points, np.ones(len(points))])
 
 
 def _innermost_rays(camera: Camera, border: Array) -> Array:

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.design.areas import body_faces
 from facetcam.design.spec import Body
+from facetcam.design.unfolding import body_faces
 from facetcam.geometry import se3
 from facetcam.rig import NO_VIEW, Mirror, Rig
 from facetcam.rig.tracing import LEAVES, NOWHERE, Tracer

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.design.analysis import Analysis
-from facetcam.design.areas import body_faces
 from facetcam.design.spec import Body, Family
+from facetcam.design.unfolding import body_faces
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.rig.tracing import Tracer
