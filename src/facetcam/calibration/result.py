@@ -97,7 +97,8 @@ class Finding:
     Attributes
     ----------
     kind : str
-        `moved board`, `other camera`, `sighting rejected`, `crept`, `photo left out` or `view unseen`.
+        `moved board`, `other camera`, `sighting rejected`, `crept`, `photo left out`, `view unseen`
+        or `scale`.
     words : str
         A sentence for the user; `{photos}` stands for the photos.
     photos : tuple of int

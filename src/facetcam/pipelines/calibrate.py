@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from facetcam.calibration.boards import BoardSet
@@ -133,12 +133,14 @@ def run_calibration(
 
 def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
     """The joint solve, from the drawing, or from the photos alone."""
+    from facetcam.calibration.scale import wrong_scale
     from facetcam.calibration.solve import solve
 
     if seen.rig is None:
         return _from_photos(seen, second, stage)
     with stage("solving") as progress:
-        return solve(seen.rig, seen.boards, seen.sightings, second, progress)
+        found = solve(seen.rig, seen.boards, seen.sightings, second, progress)
+    return replace(found, findings=(*found.findings, *wrong_scale(found.fit, seen.boards)))
 
 
 def _from_photos(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:

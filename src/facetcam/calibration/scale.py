@@ -1,0 +1,61 @@
+"""Whether the squares have the size that is said: the views then stand as far apart as drawn."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.fit import Fit
+from facetcam.calibration.result import Finding
+
+_FEWEST = 3  # distances that tell a common scale from one mirror that is off
+_LEAST = 0.02  # of a difference that is worth a word
+_ALIKE = 8.0  # times the distances' own scatter: mirrors off by 1 degree and 2 mm reach it in 1 of 100 rigs
+_SANE = 1.5  # factor up to which the solve is near enough to tell the size that would fit
+
+
+def wrong_scale(fit: Fit, boards: BoardSet) -> tuple[Finding, ...]:
+    """Tell if all views stand farther apart than drawn, or nearer, by the same share.
+
+    Squares of a wrong size scale the whole rig and leave no residual; errors of single mirrors change the
+    distances between the views' centres each in its own way. A common error of all mirrors looks the same.
+
+    Parameters
+    ----------
+    fit : Fit
+        Solved.
+    boards : BoardSet
+
+    Returns
+    -------
+    tuple of Finding
+        One at most; none where fewer than three distances were measured.
+    """
+    views = [view for view in fit.nominal.views if any(s.view == view for s in fit.sightings)]
+    drawn, built = (
+        np.array(
+            [
+                np.linalg.norm(rig.T_rig_image(a)[:3, 3] - rig.T_rig_image(b)[:3, 3])
+                for a, b in combinations(views, 2)
+            ]
+        )
+        for rig in (fit.nominal, fit.rig)
+    )
+    if len(drawn) < _FEWEST or drawn.min() < 0.1 * drawn.max():
+        return ()
+    ratios = built / drawn
+    scale = float(np.median(ratios))
+    scatter = 1.4826 * float(np.median(np.abs(ratios - scale)))
+    if abs(scale - 1.0) < max(_LEAST, _ALIKE * scatter):
+        return ()
+    size = 1e3 * boards.boards[0].square
+    if 1 / _SANE < scale < _SANE:
+        way = "farther apart" if scale > 1 else "nearer together"
+        what = f"the views stand {abs(scale - 1.0):.1%} {way} than drawn, all alike"
+        fits = f"; {size / scale:.1f} mm would fit the drawing"
+    else:
+        what, fits = "the views stand nowhere near where they are drawn", ""
+    advice = f"measure the boards' squares (said to be {size:.1f} mm{fits}) and the drawing's sizes"
+    return (Finding("scale", f"{what}: {advice}"),)
