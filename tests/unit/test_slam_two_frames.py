@@ -11,7 +11,7 @@ from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_p
 from facetcam.geometry import se3
 from facetcam.slam.epipolar import epipolar_error
 from facetcam.slam.optics import Optics
-from facetcam.slam.two_frames import MIN_MATCHES, Pairs, estimate_motion
+from facetcam.slam.two_frames import MIN_MATCHES, Pairs, confirmed_motion, estimate_motion, views_aside
 
 Array = NDArray[np.float64]
 
@@ -142,3 +142,40 @@ def test_one_view_alone_starts_no_map_where_others_see_the_same_motion(ryu: Opti
     assert estimate_motion(one_view, ryu) is None
     alone = Pairs(pairs.views[near], pairs.plane_a[near], pairs.plane_b[near])
     assert estimate_motion(alone, ryu) is not None
+
+
+def still_in(pairs: Pairs, view: int, rng: np.random.Generator) -> Pairs:
+    """The same pairs, with one view that shows in b what it showed in a."""
+    frozen = pairs.plane_a + rng.normal(0.0, 0.1, pairs.plane_a.shape)
+    return Pairs(pairs.views, pairs.plane_a, np.where((pairs.views == view)[:, None], frozen, pairs.plane_b))
+
+
+def seen_moving_otherwise(pairs: Pairs, view: int, optics: Optics, rng: np.random.Generator) -> Pairs:
+    """The same pairs, with one view full of things that move by themselves."""
+    other = true_pairs(optics, MOTION @ se3.exp([0.0, 0.0, -0.3, 0.3, -0.2, 0.0]), rng)
+    rows, others = pairs.views != view, other.views == view
+    return Pairs(
+        *(
+            np.concatenate([getattr(pairs, name)[rows], getattr(other, name)[others]])
+            for name in ("views", "plane_a", "plane_b")
+        )
+    )
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_view_that_stands_or_moves_otherwise_bends_no_motion(ryu: Optics, view: int) -> None:
+    rng = np.random.default_rng([32, view])
+    pairs = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.1, 0.3)
+    wheels = MOTION @ se3.exp([0.0, 0.0, 0.03, 0.0, 0.0, 0.0])
+    for lying in (still_in(pairs, view, rng), seen_moving_otherwise(pairs, view, ryu, rng)):
+        assert (lying.views == view).sum() >= MIN_MATCHES
+        assert views_aside(lying, MOTION, ryu).tolist() == [view]
+        assert_motion(estimate_motion(lying, ryu), MOTION, degrees=0.15, direction=3.0)
+        assert_motion(confirmed_motion(lying, wheels, ryu), MOTION, degrees=0.15, direction=3.0)
+
+
+def test_the_only_view_is_never_set_aside() -> None:
+    optics, rng = Optics(single(), 8.0), np.random.default_rng(33)
+    pairs = true_pairs(optics, MOTION, rng)
+    assert not len(views_aside(spoiled(pairs, optics, rng, 1.0, 0.3), MOTION, optics))
+    assert not len(views_aside(still_in(pairs, 0, rng), MOTION, optics))

@@ -15,6 +15,7 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
+from facetcam.slam.two_frames import match_corners, views_aside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -57,6 +58,7 @@ class Mapper:
             keyframe.measured = len(seen)
             self._occupy(keyframe)
             window = self._adjuster.window
+            self._doubt(keyframe, window[:-1])
         for partner in reversed(window[-1 - _PARTNERS : -1]):
             if partner.frame is not None:
                 with lock:
@@ -88,6 +90,15 @@ class Mapper:
         if len(taken) and len(keyframe.corners):
             distance, _ = cKDTree(taken).query(keyframe.corners.pixels)
             keyframe.free &= distance > _OCCUPIED
+
+    def _doubt(self, keyframe: Keyframe, others: list[Keyframe]) -> None:
+        """Corners of a view that contradicts the rig's motion since the last keyframe give no points."""
+        if not others:
+            return
+        last = others[-1]
+        pairs = match_corners(last.corners, keyframe.corners, self._config)
+        T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
+        keyframe.free &= ~np.isin(keyframe.corners.views, views_aside(pairs, T_last_new, self._optics))
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:
         """Match the free corners of two keyframes and add those whose rays meet as map points."""

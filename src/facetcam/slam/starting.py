@@ -20,12 +20,14 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
+    STANDING,
     START_GATE,
     Pairs,
     confirmed_motion,
     enough_parallax,
     estimate_motion,
     match_corners,
+    views_aside,
 )
 
 Array = NDArray[np.float64]
@@ -105,8 +107,12 @@ class Starter:
             wheels = planar_motion(first.odometry, new.odometry, 0.0)[0]
             T = confirmed_motion(pairs, wheels, self._optics)
             a, b = self._corners(first.frame), self._corners(new.frame)
-            if T is not None and enough_parallax(a, b, T, self._optics, self._config):
-                yield T
+            if T is not None:
+                aside = views_aside(pairs, T, self._optics)
+                if enough_parallax(a, b, T, self._optics, self._config, aside):
+                    yield T
+                elif np.linalg.norm(T[:3, 3]) > STANDING:
+                    return  # both say the same, and too little yet
         seen = estimate_motion(pairs, self._optics)
         if seen is not None:
             yield seen

@@ -16,6 +16,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
+from facetcam.slam.witnesses import MIN_VIEW_MATCHES, dissenting, shares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -34,8 +35,11 @@ _EPIPOLAR_SIGMA = 0.5  # px
 _TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.8  # share of the matches that the right motion explains
-_MIN_VIEW_MATCHES = 20
-_STANDING = 1e-4  # metres
+_AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
+_AGREEING_ROUNDS = 2
+_STILL = 1.0  # px by which pairs of a rig that stands may seem to move
+_MOVING = 0.5  # share of a view's pairs, below which it seems to stand
+STANDING = 1e-4  # metres
 _MIN_CONFIRMING = 40  # pairs
 _CONFIRMING = 0.6  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
@@ -57,6 +61,19 @@ class Pairs:
 
     def __len__(self) -> int:
         return len(self.views)
+
+    def without(self, views: Index) -> Pairs:
+        """The pairs of all other views."""
+        rows = ~np.isin(self.views, views)
+        return Pairs(self.views[rows], self.plane_a[rows], self.plane_b[rows]) if len(views) else self
+
+    def move(self) -> NDArray[np.bool_]:
+        """Pairs (N,) that are not at the same place in both frames."""
+        return np.asarray(np.linalg.norm(self.plane_b - self.plane_a, axis=1) > _STILL)
+
+    def fit(self, T_a_b: Array, optics: Optics) -> NDArray[np.bool_]:
+        """Pairs (N,) that a motion explains; (K, N) for K motions."""
+        return np.asarray(np.abs(self.epipolar_errors(T_a_b, optics)) < _EPIPOLAR_GATE)
 
     def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
         """Signed Sampson distances (N,) in pixels from a motion of the rig; (K, N) for K motions."""
@@ -112,33 +129,68 @@ def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
     return Pairs.of(a, rows, b, hits[rows].astype(np.int64))
 
 
-def enough_parallax(a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig) -> bool:
-    """Tell whether two frames with a known motion can start a map."""
-    rows = match_along_epipolars(
-        a, np.arange(len(a)), b, np.arange(len(b)), T_a_b, START_GATE, optics, config
-    )
+def enough_parallax(
+    a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig, aside: Index
+) -> bool:
+    """Tell whether two frames with a known motion can start a map without the views set `aside`."""
+    rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
+    rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
     return bool(Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE).sum() >= MIN_MATCHES)
+
+
+def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
+    """Views that contradict a motion, or stand in it, unless all do."""
+    witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
+    moving = shares(pairs.views, pairs.move())[1]
+    aside = witnesses[(fitting < _AGREEING) | (moving < _MOVING)]
+    return aside if len(aside) < len(witnesses) else aside[:0]
+
+
+def standing_views(pairs: Pairs) -> Index:
+    """Views that show no motion where most views do: parts of the robot, or an image that is frozen.
+
+    Any translation explains pairs that do not move, so these views would bear out what they know nothing of.
+    """
+    standing = dissenting(pairs.views, pairs.move(), _MOVING)
+    return np.empty(0, np.int64) if standing is None else standing
 
 
 def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     """Motion `T_a_b` between two frames from their corners alone, or None where they cannot tell.
 
     Each view proposes a rotation and a direction (PoseLib, five points), to which the length is added with
-    which all views agree best; the proposal that explains most pairs of all views wins.
+    which all views agree best; the proposal that most views bear out wins, without the views that deny it.
     """
-    if len(pairs) < MIN_MATCHES:
+    pairs = pairs.without(standing_views(pairs))
+    if len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
         return None
-    if np.mean(pairs.pure_rotation(optics)[1] > _CLEAR_PARALLAX) < _CLEAR_SHARE:
-        return None  # a turn on the spot, or too small a step to tell from one
-    best = joint_motion(pairs, view_motions(pairs, optics), optics)
-    if best is None:
+    proposal = _joint_proposal(pairs, view_motions(pairs, optics), optics)
+    if proposal is None:
         return None
-    share = float(np.mean(np.abs(pairs.epipolar_errors(best, optics)) < _EPIPOLAR_GATE))
-    good = pairs.count_good(best, optics, _EPIPOLAR_GATE)
+    agreeing, best = _agreed(pairs, proposal, optics)
+    if best is None or len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
+        return None
+    good = agreeing.count_good(best, optics, _EPIPOLAR_GATE)
     # A wall close to one view is a plane, which leaves the motion ambiguous: another view must bear it out.
-    several = np.sum(np.bincount(pairs.views) >= _MIN_VIEW_MATCHES) > 1
-    borne_out = not several or good.sum() - good.max() >= _MIN_VIEW_MATCHES
-    return best if share > _FITTING and good.sum() >= MIN_MATCHES and borne_out else None
+    several = np.sum(np.bincount(pairs.views) >= MIN_VIEW_MATCHES) > 1
+    borne_out = not several or good.sum() - good.max() >= MIN_VIEW_MATCHES
+    fitting = float(np.mean(agreeing.fit(best, optics)))
+    return best if fitting > _FITTING and good.sum() >= MIN_MATCHES and borne_out else None
+
+
+def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
+    """False for a turn on the spot, and for too small a step to tell from one."""
+    return bool(np.mean(pairs.pure_rotation(optics)[1] > _CLEAR_PARALLAX) >= _CLEAR_SHARE)
+
+
+def _agreed(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
+    """Motion polished by the views that agree with it, and their pairs; all pairs without a majority."""
+    agreeing, best = pairs, T_a_b
+    for _ in range(_AGREEING_ROUNDS):
+        against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
+        agreeing = pairs if against is None else pairs.without(against)
+        best = _polished(best, agreeing, optics)
+    return agreeing, best
 
 
 def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
@@ -146,20 +198,46 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
 
     Wheels may slip and their clock be off: only the length is theirs. Few pairs can neither confirm nor deny.
     """
-    if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < _STANDING:
+    pairs = pairs.without(standing_views(pairs))
+    if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
         return T_a_b
-    on_the_spot = se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
-    proposals = [_polished(T, pairs, optics) for T in (T_a_b, on_the_spot)]
-    shares = [float(np.mean(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE)) for T in proposals]
-    best = proposals[int(np.argmax(shares))]
-    return best if max(shares) > _CONFIRMING and _much_alike(best, T_a_b) else None
+    proposals = [T_a_b, _on_the_spot(pairs, T_a_b, optics)]
+    polished = [_polished(T, pairs, optics) for T in proposals]
+    fitting = [float(np.mean(pairs.fit(T, optics))) for T in polished]
+    best = polished[int(np.argmax(fitting))]
+    against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
+    if against is None or len(against) or not _much_alike(best, T_a_b):
+        pairs, best = _borne_out(pairs, T_a_b, optics)
+    share = float(np.mean(pairs.fit(best, optics)))
+    return best if share > _CONFIRMING and _much_alike(best, T_a_b) else None
+
+
+def _borne_out(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
+    """Where views contradict each other: what one of them makes of a motion and most of them bear out."""
+    proposals = [T_a_b]
+    for view in shares(pairs.views, pairs.move())[0]:
+        own = pairs.without(np.setdiff1d(pairs.views, view))
+        proposals += [_polished(T, own, optics) for T in (T_a_b, _on_the_spot(own, T_a_b, optics))]
+    alike = np.stack([T for T in proposals if _much_alike(T, T_a_b)])
+    share = shares(pairs.views, pairs.fit(alike, optics))[1].sum(axis=-1)
+    share -= np.array([_turned(T, T_a_b) for T in alike]) / _MOST_TURNED  # what measured it is a witness, too
+    return _agreed(pairs, alike[int(np.argmax(share))], optics)
+
+
+def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
+    """A motion with the turn that explains the images best without any way."""
+    return se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
 
 
 def _much_alike(T: Array, T_measured: Array) -> bool:
     """False where the images would correct a motion so far that they rather deny it."""
-    turned = float(np.linalg.norm(se3.log(se3.inverse(T_measured) @ T)[:3]))
     stretched = float(np.linalg.norm(T[:3, 3]) / np.linalg.norm(T_measured[:3, 3]))
-    return turned < _MOST_TURNED and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED
+    return _turned(T, T_measured) < _MOST_TURNED and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED
+
+
+def _turned(T: Array, T_measured: Array) -> float:
+    """Angle in radians between two motions' turns."""
+    return float(np.linalg.norm(se3.log(se3.inverse(T_measured) @ T)[:3]))
 
 
 def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:
@@ -169,14 +247,18 @@ def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:
 
 
 def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
-    """Motion of the rig that explains most pairs of all views, from what single views propose."""
-    best, most = None, 0
-    for view, proposal in proposals.items():
-        T = _with_length(proposal, view, pairs, optics)
-        fits = int(np.sum(np.abs(pairs.epipolar_errors(T, optics)) < _EPIPOLAR_GATE))
-        if fits > most:
-            best, most = T, fits
+    """Motion of the rig that suits most views, from what single views propose."""
+    best = _joint_proposal(pairs, proposals, optics)
     return None if best is None else _polished(best, pairs, optics)
+
+
+def _joint_proposal(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
+    """Of the motions that single views propose the one that explains most of what each view shows."""
+    if not proposals:
+        return None
+    motions = np.stack([_with_length(T, view, pairs, optics) for view, T in proposals.items()])
+    share = shares(pairs.views, pairs.fit(motions, optics))[1].sum(axis=-1)
+    return np.asarray(motions[int(np.argmax(share))])
 
 
 def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
@@ -203,7 +285,7 @@ def _view_motion(pairs: Pairs, view: int, optics: Optics) -> Array | None:
     import poselib
 
     rows = pairs.views == view
-    if rows.sum() < _MIN_VIEW_MATCHES:
+    if rows.sum() < MIN_VIEW_MATCHES:
         return None
     camera = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
     pose, _ = poselib.estimate_relative_pose(
