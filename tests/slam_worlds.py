@@ -11,7 +11,7 @@ from facetcam.geometry import se3
 from facetcam.rig import Camera, Rig, presets
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
-from facetcam.slam.two_frames import Pairs
+from facetcam.slam.pairs import Pairs
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from facetcam.rig.mirrors import Mirror
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder
 from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import Pairs
 from facetcam.slam.rig_check import RigCheck
-from facetcam.slam.two_frames import Pairs
 
 Array = NDArray[np.float64]
 

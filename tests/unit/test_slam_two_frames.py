@@ -11,7 +11,8 @@ from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_p
 from facetcam.geometry import se3
 from facetcam.slam.epipolar import epipolar_error
 from facetcam.slam.optics import Optics
-from facetcam.slam.two_frames import MIN_MATCHES, Pairs, confirmed_motion, estimate_motion, views_aside
+from facetcam.slam.pairs import Pairs
+from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion, views_aside
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,9 @@ from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import match_corners
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
-from facetcam.slam.two_frames import match_corners, views_aside
+from facetcam.slam.two_frames import views_aside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.optics import Optics
-from facetcam.slam.two_frames import Pairs, joint_motion, match_corners, view_motions
+from facetcam.slam.pairs import Pairs, match_corners
+from facetcam.slam.two_frames import joint_motion, view_motions
 
 Array = NDArray[np.float64]
 

@@ -17,16 +17,15 @@ from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import Pairs, match_corners
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
     STANDING,
     START_GATE,
-    Pairs,
     confirmed_motion,
     enough_parallax,
     estimate_motion,
-    match_corners,
     views_aside,
 )
 

@@ -1,21 +1,17 @@
-"""Two frames: their matching corners, and the motion between them from the images alone."""
+"""Two frames: the motion between them from their matching corners alone."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
-from facetcam.features import match_windowed
 from facetcam.geometry import se3
-from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
+from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import CLEAR_PARALLAX, EPIPOLAR_GATE, Pairs
 from facetcam.slam.witnesses import MIN_VIEW_MATCHES, dissenting, shares
 
 Array = NDArray[np.float64]
@@ -23,110 +19,21 @@ Index = NDArray[np.int64]
 
 MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
-_SEARCH = 0.3  # of the frame's width
-_START_PARALLAX = 0.02  # radians
-_CLEAR_PARALLAX = 0.01  # radians that a pure rotation cannot explain
 _CLEAR_SHARE = 0.4  # of the pairs that must show it
-_ROTATION_STEPS = 10
 _UNKNOWN_DEPTH = 3.0  # metres: the median depth of a scene whose scale the images cannot tell
 _LENGTHS = np.geomspace(0.25, 4.0, 17)
-_EPIPOLAR_GATE = 2.0  # px
 _EPIPOLAR_SIGMA = 0.5  # px
 _TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.8  # share of the matches that the right motion explains
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
-_STILL = 1.0  # px by which pairs of a rig that stands may seem to move
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
 STANDING = 1e-4  # metres
 _MIN_CONFIRMING = 40  # pairs
 _CONFIRMING = 0.6  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
 _MOST_STRETCHED = 2.0  # factor of its length
-
-
-@dataclass(slots=True)
-class Pairs:
-    """Corners of two frames taken for the same points: view, and position on its ideal pinhole in both."""
-
-    views: NDArray[np.int8]
-    plane_a: Array
-    plane_b: Array
-
-    @classmethod
-    def of(cls, a: Corners, rows_a: Index, b: Corners, rows_b: Index) -> Pairs:
-        """Pairs of corner rows."""
-        return cls(a.views[rows_a], a.plane[rows_a], b.plane[rows_b])
-
-    def __len__(self) -> int:
-        return len(self.views)
-
-    def without(self, views: Index) -> Pairs:
-        """The pairs of all other views."""
-        rows = ~np.isin(self.views, views)
-        return Pairs(self.views[rows], self.plane_a[rows], self.plane_b[rows]) if len(views) else self
-
-    def move(self) -> NDArray[np.bool_]:
-        """Pairs (N,) that are not at the same place in both frames."""
-        return np.asarray(np.linalg.norm(self.plane_b - self.plane_a, axis=1) > _STILL)
-
-    def fit(self, T_a_b: Array, optics: Optics) -> NDArray[np.bool_]:
-        """Pairs (N,) that a motion explains; (K, N) for K motions."""
-        return np.asarray(np.abs(self.epipolar_errors(T_a_b, optics)) < _EPIPOLAR_GATE)
-
-    def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
-        """Signed Sampson distances (N,) in pixels from a motion of the rig; (K, N) for K motions."""
-        error = np.empty((*T_a_b.shape[:-2], len(self)))
-        for view in np.unique(self.views):
-            rows = self.views == view
-            error[..., rows] = epipolar_error(
-                self.plane_a[rows], self.plane_b[rows], int(view), T_a_b, optics
-            )
-        return error
-
-    def parallax(self, T_a_b: Array, optics: Optics) -> tuple[Array, Array]:
-        """Distance (N,) from frame a, negative where rays part, and angle (N,) between the rays."""
-        origins = optics.origins(self.views)
-        rays_a, rays_b = (optics.plane_rays(p, self.views) for p in (self.plane_a, self.plane_b))
-        _, distance, other, angle = triangulate_two_rays(
-            origins, rays_a, se3.transform(T_a_b, origins), rays_b @ T_a_b[:3, :3].T
-        )
-        return np.where(other > 0, distance, -1.0), angle
-
-    def pure_rotation(self, optics: Optics) -> tuple[Array, Array]:
-        """Best rotation (3, 3) of the rig on the spot, and the angles (N,) it leaves between the rays."""
-        a, b = (optics.plane_rays(p, self.views) for p in (self.plane_a, self.plane_b))
-        weight = np.ones(len(a))
-        for _ in range(_ROTATION_STEPS):
-            rotation, _ = Rotation.align_vectors(a, b, weights=weight)
-            angle = np.linalg.norm(np.cross(a, rotation.apply(b)), axis=1)
-            weight = 1.0 / (1.0 + (angle / _CLEAR_PARALLAX) ** 2)
-        return rotation.as_matrix(), angle
-
-    def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> Index:
-        """Pairs of each view that fit a motion, lie in front of the view and have parallax."""
-        distance, angle = self.parallax(T_a_b, optics)
-        fits = np.abs(self.epipolar_errors(T_a_b, optics)) < gate
-        good = self.views[fits & (distance > 0) & (angle > _START_PARALLAX)]
-        return np.bincount(good, minlength=optics.n_views)
-
-
-def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
-    """Corners of two frames that look alike, in the same view and not far from each other on it."""
-    hits = match_windowed(
-        a.descriptors,
-        a.pixels,
-        a.views,
-        b.descriptors,
-        b.pixels,
-        b.views,
-        radius=_SEARCH * float(np.ptp(a.pixels[:, 0])) if len(a) else 0.0,
-        max_distance=config.match_distance,
-        ratio=config.match_ratio,
-    )
-    rows = np.flatnonzero(hits >= 0)
-    return Pairs.of(a, rows, b, hits[rows].astype(np.int64))
 
 
 def enough_parallax(
@@ -170,7 +77,7 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     agreeing, best = _agreed(pairs, proposal, optics)
     if best is None or len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
         return None
-    good = agreeing.count_good(best, optics, _EPIPOLAR_GATE)
+    good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     # A wall close to one view is a plane, which leaves the motion ambiguous: another view must bear it out.
     several = np.sum(np.bincount(pairs.views) >= MIN_VIEW_MATCHES) > 1
     borne_out = not several or good.sum() - good.max() >= MIN_VIEW_MATCHES
@@ -180,7 +87,7 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
 
 def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
     """False for a turn on the spot, and for too small a step to tell from one."""
-    return bool(np.mean(pairs.pure_rotation(optics)[1] > _CLEAR_PARALLAX) >= _CLEAR_SHARE)
+    return bool(np.mean(pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX) >= _CLEAR_SHARE)
 
 
 def _agreed(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
@@ -318,7 +225,7 @@ def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Arra
     usual_first = _LENGTHS[np.argsort(np.abs(np.log(_LENGTHS)), kind="stable")]
     motions = np.stack([rig_motion(usual * float(factor)) for factor in usual_first])
     errors = np.abs(pairs.epipolar_errors(motions, optics))
-    for T, cost in zip(motions, np.minimum(errors, _EPIPOLAR_GATE).mean(axis=1)):
+    for T, cost in zip(motions, np.minimum(errors, EPIPOLAR_GATE).mean(axis=1)):
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost
     return best
