@@ -75,7 +75,7 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     if proposal is None:
         return None
     agreeing, best = _agreed(pairs, proposal, optics)
-    if best is None or len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
+    if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     # A wall close to one view is a plane, which leaves the motion ambiguous: another view must bear it out.
