@@ -59,7 +59,8 @@ def whole(data: Path) -> None:
         ["RMS of the corners kept", f"{result.rms():.4f} px"],
         ["corners kept", f"{result.fit.kept.sum()} of {len(result.fit.kept)}"],
         ["held-out RMS", f"{judged.held_out_rms:.4f} px"],
-        ["from one view into the others", f"{judged.cross_view_rms:.3f} px"],
+        ["from one view to the others", f"{judged.cross_view_rms:.3f} px"],
+        ["the same, as the sigmas foretell", f"{judged.cross_view_expected:.3f} px"],
         ["two halves against each other", f"{judged.split_half_rms:.4f} px"],
         [
             "sigma in the views, median",

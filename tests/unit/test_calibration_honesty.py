@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from calibration_worlds import boards, disturbed, sightings_of, walk
 
+from facetcam.calibration.across_views import across_views
+from facetcam.calibration.covariance import shared_covariance
 from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.fit import Fit
 from facetcam.calibration.preflight import preflight
+from facetcam.calibration.quality import Validation
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.solve import solve
 from facetcam.calibration.synthetic import projected_sightings
@@ -26,8 +30,13 @@ def calibration() -> Calibration:
     return solve(disturbed(RIG, 1.0, 0.002, 0.03, 0), SET, sightings_of(RIG, SET, 16, NOISE))
 
 
-def test_held_out_photos_fit_as_well_as_noise_allows(calibration: Calibration) -> None:
-    found = validate(calibration)
+@pytest.fixture(scope="module")
+def judged(calibration: Calibration) -> Validation:
+    return validate(calibration)
+
+
+def test_held_out_photos_fit_as_well_as_noise_allows(calibration: Calibration, judged: Validation) -> None:
+    found = judged
     assert NOISE * np.sqrt(2) * 0.9 < found.held_out_rms < NOISE * np.sqrt(2) * 1.5
     assert set(found.held_out) <= {s.sighting.photo for s in calibration.sightings}
     assert found.split_half_rms < 1.0
@@ -35,10 +44,36 @@ def test_held_out_photos_fit_as_well_as_noise_allows(calibration: Calibration) -
     assert np.isnan(found.deviations[0].tilt_sigma_deg)  # the base follows from the drawing
 
 
-def test_maps_predict_the_error_of_the_views(calibration: Calibration) -> None:
+def test_the_error_from_one_view_to_the_others_is_foretold(
+    calibration: Calibration, judged: Validation
+) -> None:
+    fit: Fit = calibration.fit.of_photos(calibration.fit.photos[:6])
+    shared = shared_covariance(calibration.fit, NOISE)
+    root = np.linalg.svd(shared)
+    root = root.U * np.sqrt(root.S)
+    random = np.random.default_rng(5)
+    exact = fit.state.predict(fit.looks)
+    squares, foretold = [], []
+    for _ in range(
+        12
+    ):  # a rig as wrong as it is said to be, and photos with the noise that they are said to have
+        wrong = fit.state.moved(root @ random.standard_normal(len(shared)), np.zeros((len(fit.stations), 6)))
+        pixels = exact + NOISE * fit.looks.noise[:, None] * random.standard_normal(exact.shape)
+        found = across_views(
+            replace(fit, state=wrong, looks=replace(fit.looks, pixels=pixels)), shared, NOISE
+        )
+        squares.append(np.sum(found.residuals**2, axis=1))
+        foretold.append(found.variances)
+    assert np.sum(squares) / np.sum(foretold) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(np.array(squares) / np.array(foretold)) == pytest.approx(1.0, abs=0.25)
+    assert np.mean(foretold) > 10 * 2 * NOISE**2  # far more than the noise of a corner
+    assert 0.5 < judged.cross_view_rms / judged.cross_view_expected < 2.0
+
+
+def test_maps_predict_the_error_of_the_views(calibration: Calibration, judged: Validation) -> None:
     points = room_points(RIG, list(RIG.views), 300, span=(1.9, 2.1))
     real = projection_difference(RIG, calibration.rig, points).by_view
-    for m in validate(calibration).maps:
+    for m in judged.maps:
         assert 0.2 < real[m.view] / np.nanmedian(m.sigma_px) < 3.0
         assert np.nanmedian(m.sigma_mm) == pytest.approx(
             np.nanmedian(m.sigma_px) / 1250 * m.depth * 1e3, rel=0.3

@@ -52,8 +52,9 @@ def validation(held_out: float) -> Validation:
     return Validation(
         held_out,
         {0: held_out},
-        math.nan,
-        {},
+        1.25,
+        1.17,
+        {0: 1.25},
         0.03,
         {names[0]: 0.03},
         Flatness(0.05, 0.05, 1.1, True, names[0]),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -79,9 +79,7 @@ class Knowledge:
 
 def knowledge(fit: Fit, noise: float) -> Knowledge:
     """What the corners kept say, each coordinate good to `noise` pixels."""
-    looks = fit.looks.only(fit.kept)
-    normal = normal_equations(fit.state, looks, np.ones(len(looks.pixels)))
-    reduced = restricted(normal, fit.free).reduced()[0] / noise**2
+    reduced = _information(fit, noise)
     rig = int(np.count_nonzero(fit.free[: fit.state.first_board]))
     A, B, C = reduced[:rig, :rig], reduced[:rig, rig:], reduced[rig:, rig:]
     if len(C):
@@ -92,6 +90,26 @@ def knowledge(fit: Fit, noise: float) -> Knowledge:
     tolerance = np.concatenate([fit.prior.tolerance, fit.state.optics.tolerance])[free]
     information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance
     return Knowledge(names_of(fit), free, tolerance, information, noise)
+
+
+def shared_covariance(fit: Fit, noise: float) -> Array:
+    """Covariance of all shared parameters, boards too, by photos and drawing; held ones zero."""
+    slope = replace(fit.prior, noise=1.0).rows(fit.state)[1][fit.free]
+    # A board that no photo ties to the others is open; it must not divide by zero.
+    information = _information(fit, noise) + np.diag(slope**2 + 1e-6)
+    scale = 1.0 / np.sqrt(np.diag(information))
+    covariance = np.zeros((fit.state.shared, fit.state.shared))
+    covariance[np.ix_(fit.free, fit.free)] = np.outer(scale, scale) * np.linalg.inv(
+        scale[:, None] * information * scale
+    )
+    return covariance
+
+
+def _information(fit: Fit, noise: float) -> Array:
+    """What the corners kept say of the free shared parameters, the rig poses taken out."""
+    looks = fit.looks.only(fit.kept)
+    normal = normal_equations(fit.state, looks, np.ones(len(looks.pixels)))
+    return restricted(normal, fit.free).reduced()[0] / noise**2
 
 
 def names_of(fit: Fit) -> tuple[str, ...]:

@@ -80,6 +80,9 @@ class Validation:
     cross_view_rms : float
         Pixels, when the pose of a held-out photo comes from one view and is judged in its others; NaN where
         no photo shows boards in two views.
+    cross_view_expected : float
+        What noise and the covariances of that pose and of the rig foretell for it: about the same if the
+        model is right. A small board fixes a pose badly, so that both may be far above the residuals.
     cross_view : mapping of photo to float
     split_half_rms : float
         Pixels between the projections of two rigs, each solved from half of the photos, after the best rigid
@@ -93,6 +96,7 @@ class Validation:
     held_out_rms: float
     held_out: Mapping[int, float]
     cross_view_rms: float
+    cross_view_expected: float
     cross_view: Mapping[int, float]
     split_half_rms: float
     split_half: Mapping[str, float]

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from facetcam.calibration.covariance import knowledge
+from facetcam.calibration.across_views import LEAST_CORNERS, AcrossViews, across_views
+from facetcam.calibration.covariance import knowledge, shared_covariance
 from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.fit import Fit
-from facetcam.calibration.least_squares import minimise
 from facetcam.calibration.optics import FreeOptics, MirrorOptics
-from facetcam.calibration.problem import subset
 from facetcam.calibration.quality import Flatness, MirrorDeviation, Validation
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.uncertainty import uncertainty_maps
@@ -25,7 +24,6 @@ Progress = Callable[[int, int | None], None]
 
 FOLDS = 5
 _LEAST_PHOTOS = 6  # from which halves are compared
-_LEAST_CORNERS = 6  # that give a rig pose
 _POINTS = 300  # a view, by which halves are compared
 _CHANCE = 1e-4  # that flat mirrors look bent
 _MATERIAL = 0.97  # of the residuals that remain when views are freed; less is not worth a word
@@ -45,8 +43,9 @@ def validate(calibration: Calibration, progress: Progress | None = None, folds: 
     folds = min(folds, len(fit.photos))
     total, held = folds + 3, _HeldOut({}, {})
     for k in range(folds if folds > 1 else 0):
-        held = held.joined(_held_out(fit, fit.photos[k::folds]))
+        held = held.joined(_held_out(fit, fit.photos[k::folds], calibration.noise))
         _tell(progress, k + 1, total)
+    across = AcrossViews.joined(list(held.across.values()))
     rms, by_view = _split_half(fit)
     _tell(progress, folds + 1, total)
     flatness = _flatness(fit, calibration.noise)
@@ -57,8 +56,9 @@ def validate(calibration: Calibration, progress: Progress | None = None, folds: 
     return Validation(
         held_out_rms=_rms(held.own.values()),
         held_out={photo: _rms([r]) for photo, r in sorted(held.own.items())},
-        cross_view_rms=_rms(held.across.values()),
-        cross_view={photo: _rms([r]) for photo, r in sorted(held.across.items())},
+        cross_view_rms=_rms([across.residuals]),
+        cross_view_expected=across.expected_rms,
+        cross_view={photo: _rms([a.residuals]) for photo, a in sorted(held.across.items())},
         split_half_rms=rms,
         split_half=by_view,
         flatness=flatness,
@@ -69,18 +69,19 @@ def validate(calibration: Calibration, progress: Progress | None = None, folds: 
 
 @dataclass(frozen=True, eq=False)
 class _HeldOut:
-    """Residuals (N, 2) a photo: the rig pose from all its views, and from one view judged in the others."""
+    """Residuals (N, 2) a photo, the rig pose from all its views; and from one view, judged in the others."""
 
     own: dict[int, Array]
-    across: dict[int, Array]
+    across: dict[int, AcrossViews]
 
     def joined(self, other: _HeldOut) -> _HeldOut:
         return _HeldOut(self.own | other.own, self.across | other.across)
 
 
-def _held_out(fit: Fit, photos: list[int]) -> _HeldOut:
+def _held_out(fit: Fit, photos: list[int], noise: float) -> _HeldOut:
     """Solve without some photos, then let only their rig poses move."""
     trained = fit.of_photos([p for p in fit.photos if p not in photos]).solved(None, 30)
+    shared = shared_covariance(trained, noise)
     seen = set(trained.looks.board.tolist())
     own, across = {}, {}
     for photo in photos:
@@ -89,31 +90,13 @@ def _held_out(fit: Fit, photos: list[int]) -> _HeldOut:
         part = replace(part, kept=part.kept & known)
         state = replace(trained.state, T_rig_station=part.state.T_rig_station)
         part = replace(part, state=state, free=np.zeros_like(part.free))
-        if np.count_nonzero(part.kept) >= _LEAST_CORNERS:
+        if np.count_nonzero(part.kept) >= LEAST_CORNERS:
             part = part.solved(None, 30)
             own[photo] = part.residuals[part.kept]
-            other = _across_views(part)
-            if len(other):
+            other = across_views(part, shared, noise)
+            if len(other.residuals):
                 across[photo] = other
     return _HeldOut(own, across)
-
-
-def _across_views(part: Fit) -> Array:
-    """Residuals in the views of one photo when the pose comes from another: the one that shows the most."""
-    out = [np.empty((0, 2))]
-    for station in np.unique(part.looks.station):
-        here = np.flatnonzero(part.looks.station == station)
-        views = part.looks.view[here]
-        corners = np.array([np.count_nonzero(part.kept[slice(*part.looks.bounds[s])]) for s in here])
-        best = max(np.unique(views), key=lambda v: corners[views == v].sum())
-        if corners[views == best].sum() < _LEAST_CORNERS or np.all(views == best):
-            continue
-        looks = part.looks.only(part.kept)
-        from_one, state, _ = subset(looks, part.state, here[views == best].tolist())
-        state = minimise(state, from_one, part.free, part.prior, None, 30)
-        others, _, _ = subset(looks, part.state, here[views != best].tolist())
-        out.append(others.pixels - state.predict(others))
-    return np.concatenate(out)
 
 
 def _split_half(fit: Fit) -> tuple[float, dict[str, float]]:

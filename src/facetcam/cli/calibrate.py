@@ -122,11 +122,12 @@ def rows_of(result: Calibrated) -> list[tuple[str, str]]:
         ("residual", f"{calibration.rms():.3f} px RMS of the corners kept"),
     ]
     if validation is not None:
+        across = f", {validation.cross_view_expected:.3f} by the sigmas"
         judged = [
-            ("held-out photos", validation.held_out_rms),
-            ("from one view to the others", validation.cross_view_rms),
-            ("between two halves", validation.split_half_rms),
+            ("held-out photos", validation.held_out_rms, ""),
+            ("from one view to the others", validation.cross_view_rms, across),
+            ("between two halves", validation.split_half_rms, ""),
         ]
-        rows += [(label, f"{value:.3f} px RMS") for label, value in judged if value == value]
+        rows += [(label, f"{value:.3f} px RMS{more}") for label, value, more in judged if value == value]
     rows += [("not determined", unknown.what) for unknown in calibration.unobservable if not unknown.harmless]
     return [*rows, ("rig", str(result.folder / "rig.yaml")), ("report", str(result.folder / "report.html"))]

@@ -38,6 +38,7 @@ class CalibrationSummary:
     noise: float
     held_out_rms: float | None
     cross_view_rms: float | None
+    cross_view_expected: float | None
     split_half_rms: float | None
     not_determined: tuple[str, ...]
     findings: tuple[str, ...]
@@ -90,9 +91,14 @@ def summarise(
     corners = sum(len(f.sighting) for f in calibration.sightings)
     kept = sum(int(np.count_nonzero(f.kept)) for f in calibration.sightings)
     judged = (
-        [validation.held_out_rms, validation.cross_view_rms, validation.split_half_rms]
+        [
+            validation.held_out_rms,
+            validation.cross_view_rms,
+            validation.cross_view_expected,
+            validation.split_half_rms,
+        ]
         if validation
-        else [math.nan] * 3
+        else [math.nan] * 4
     )
     return CalibrationSummary(
         photos=len(photos),
@@ -104,7 +110,8 @@ def summarise(
         noise=calibration.noise,
         held_out_rms=judged[0],
         cross_view_rms=judged[1],
-        split_half_rms=judged[2],
+        cross_view_expected=judged[2],
+        split_half_rms=judged[3],
         not_determined=tuple(u.what for u in calibration.unobservable if not u.harmless),
         findings=tuple(f.told([p.path.name for p in photos]) for f in calibration.findings),
         warnings=tuple(warnings),

@@ -61,6 +61,7 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
         grade = GOOD if validation.held_out_rms <= NOISE_RATIO * calibration.rms_of_noise else FAIR
         found += _known("held-out photos", validation.held_out_rms, grade)
         found += _known("from one view to the others", validation.cross_view_rms, "")
+        found += _known("the same, by the sigmas", validation.cross_view_expected, "")
         found += _known("between two halves", validation.split_half_rms, "")
         if validation.flatness is not None:
             flat = validation.flatness.flat
