@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from facetcam.errors import FacetcamError, MapError
-from facetcam.geometry import se3
 from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
 from facetcam.slam import outputs
@@ -21,22 +20,21 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Frame, make_frame
 from facetcam.slam.keyframes import is_due, nearest_keyframe
 from facetcam.slam.map_file import MapHeader
-from facetcam.slam.odometry import checked_odometry, planar_motion, planar_pose
+from facetcam.slam.motion import Motion
+from facetcam.slam.odometry import checked_odometry, planar_pose
 from facetcam.slam.odometry_check import OdometryCheck
 from facetcam.slam.parts import Parts
 from facetcam.slam.rig_refinement import RigRefinement, refine_rig
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix
-from facetcam.slam.trajectory import Trajectory
-from facetcam.slam.trust import Reckoning, Trust
-from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
+from facetcam.slam.trust import Trust
+from facetcam.slam.uncertainty import pose_covariance
 
 Array = NDArray[np.float64]
 
 _YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
-_MAX_STEPS = 3.0  # for which a motion is taken to go on
 
 
 class Slam:
@@ -87,15 +85,9 @@ class Slam:
         self._mapping = Background(self.config.real_time)
         self._checking = Background(self.config.real_time)
         self._pace = Pace()
-        self._trajectory = Trajectory()
-        self._last_timestamp = -np.inf
-        self._T_step, self._step = np.eye(4), 0.0  # motion between the last two frames, seconds it took
-        self._odometry: Array | None = None
-        self._covariance = np.zeros((6, 6))  # of the last pose
-        self._lost_frames = 0
+        self._motion = Motion()
         self._trust = Trust(parts.optics.n_views)
-        self._reckoning: Reckoning | None = None  # of a lost rig
-        self._placed = False  # in the map, at least once in this run
+        self._last_timestamp = -np.inf
         self._continued = False  # a map of an earlier run
         self._localise_only = False
         self._earlier_loops = 0
@@ -138,7 +130,7 @@ class Slam:
             if not self._checking.busy:
                 self._checking.run(lambda: self._check_rig(frame))
             state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
-            self._odometry = wheels
+            self._motion.odometry = wheels
             tracked = state.T_world_rig if state.status is Status.TRACKING else None
             self.odometry_check.offer(timestamp, tracked, wheels, self.metric)
             if wheels is not None and self.odometry_check.complaint:
@@ -164,79 +156,51 @@ class Slam:
     def _follow(self, frame: Frame, odometry: Array | None) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
         with self._map.lock:
-            predictions = self._predictions(frame.timestamp, odometry)
+            predictions = self._motion.predictions(frame.timestamp, odometry)
             with self._timed("track"):
                 proven = self.odometry_check.agrees
                 fix = self._tracker.find(frame, *(predictions if proven else predictions[::-1]))
-            found = fix is not None and self._trust.believes(fix, self._reckoned(odometry))
+            found = fix is not None and self._trust.believes(fix, self._motion.reckoned(odometry))
             due = fix is not None and found and self._accept(fix, frame.timestamp)
         if fix is None or not found:
-            return self._miss(frame, predictions, odometry)
+            return self._miss(frame, odometry)
         keyframe = due and not self._localise_only and not self._mapping.busy
         if keyframe:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
-    def _predictions(self, timestamp: float, odometry: Array | None) -> list[Array]:
-        """Where the rig may be, the likeliest first: by odometry, if there is some, and by inertia."""
-        if not self._placed:
-            return []
-        last = self._trajectory.last()
-        steps = (timestamp - self._trajectory.last_timestamp) / self._step if self._step else 1.0
-        inertial = last @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
-        if odometry is None or self._odometry is None:
-            return [inertial]
-        return [last @ planar_motion(self._odometry, odometry, 0.0)[0], inertial]
-
-    def _reckoned(self, odometry: Array | None) -> Reckoning | None:
-        """Where wheels without a gap since the loss have carried a lost rig."""
-        if self._reckoning is None or odometry is None or self._odometry is None:
-            return None
-        return self._reckoning.further(planar_motion(self._odometry, odometry, 0.0)[0])
-
     def _accept(self, fix: Fix, timestamp: float) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
-        if self._placed:
-            step = se3.inverse(self._trajectory.last()) @ fix.T_world_rig
-            self._T_step = np.eye(4) if self._lost_frames else step
-            self._step = timestamp - self._trajectory.last_timestamp
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
-        self._trajectory.add(timestamp, fix.T_world_rig, nearest)
-        self._lost_frames, self._placed, self._reckoning = 0, True, None
+        self._motion.follow(timestamp, fix.T_world_rig, nearest)
         self._trust.accept()
         return is_due(fix, nearest, distance, self.config)
 
     def _grow(self, frame: Frame, fix: Fix, odometry: Array | None) -> None:
         with self._timed("map"):
-            self._grower.grow(frame, fix, odometry, self._trajectory)
+            self._grower.grow(frame, fix, odometry, self._motion.trajectory)
 
-    def _miss(self, frame: Frame, predictions: list[Array], odometry: Array | None) -> State:
+    def _miss(self, frame: Frame, odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
-        if self._placed and not self._lost_frames and self.odometry_check.agrees:
-            self._reckoning = Reckoning(self._trajectory.last())
-        self._reckoning = self._reckoned(odometry)
-        self._lost_frames += 1
+        self._motion.lose(odometry, self.odometry_check.agrees)
         self._trust.lose()
-        n_points = self._n_points
         young = len(self._map.keyframes) < _YOUNG and not self._continued
-        if self._lost_frames > _PATIENCE and young:
+        if self._motion.lost_frames > _PATIENCE and young:
             return self._start_again(frame, odometry)
-        if not predictions or odometry is None or self._odometry is None:
-            return State(frame.timestamp, Status.LOST, map_points=n_points)
-        by_wheels = predictions[0]
-        T_step, step = planar_motion(self._odometry, odometry, self.config.odometry_sigma)
-        self._covariance = reckoned_covariance(self._covariance, T_step, step)
         with self._map.lock:
-            self._trajectory.add(frame.timestamp, by_wheels, self._map.keyframes[-1])
-        return State(frame.timestamp, Status.DEAD_RECKONING, by_wheels, self._covariance, map_points=n_points)
+            last = self._map.keyframes[-1]
+            T = self._motion.roll(frame.timestamp, odometry, self.config.odometry_sigma, last)
+        if T is None:
+            return State(frame.timestamp, Status.LOST, map_points=self._n_points)
+        covariance = self._motion.covariance
+        return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
 
     def _start_again(self, frame: Frame, odometry: Array | None) -> State:
         """A map that fails this early was wrong: forget it with its poses."""
         self._mapping.wait()
         self._grower.start_again()
-        self._trajectory.clear()
-        self._lost_frames = 0
+        self._motion.forget()
         return self._start(frame, odometry)
 
     def _start(self, frame: Frame, odometry: Array | None) -> State:
@@ -247,10 +211,7 @@ class Slam:
             return State(
                 frame.timestamp, Status.STARTING, None if odometry is None else planar_pose(odometry)
             )
-        for timestamp, T in [*start.solved, (start.first.timestamp, start.first.T_world_rig)]:
-            self._trajectory.add(timestamp, T, start.first)
-        self._trajectory.add(frame.timestamp, start.last.T_world_rig, start.last)
-        self._T_step, self._step, self._placed = start.T_step, start.step, True
+        self._motion.begin(start)
         start.first.measured = start.last.measured = len(start.last.observations)
         return State(
             frame.timestamp,
@@ -266,16 +227,17 @@ class Slam:
             for rows in (fix.predictions, fix.seen)
         )
         with self._map.lock:
-            T_world_rig = self._trajectory.last()
-            near = [self._trajectory.last_keyframe, *self._map.keyframes[::-1]]
-            self._covariance = pose_covariance(
-                T_world_rig, fix.pose.covariance, near, self.scale_sigma, self._odometry is not None
+            trajectory, wheels = self._motion.trajectory, self._motion.odometry is not None
+            T_world_rig = trajectory.last()
+            near = [trajectory.last_keyframe, *self._map.keyframes[::-1]]
+            self._motion.covariance = pose_covariance(
+                T_world_rig, fix.pose.covariance, near, self.scale_sigma, wheels
             )
         return State(
             timestamp=frame.timestamp,
             status=Status.TRACKING,
             T_world_rig=T_world_rig,
-            covariance=self._covariance,
+            covariance=self._motion.covariance,
             views={
                 n: ViewHealth(int(e), int(i)) for n, e, i in zip(self._parts.optics.names, expected, inliers)
             },
@@ -303,7 +265,7 @@ class Slam:
         for keyframe in self._map.keyframes:
             if keyframe.session == self._parts.mapper.session:
                 keyframe.odometry = checked_odometry(at(keyframe.timestamp))
-        self._odometry = None
+        self._motion.odometry = None
 
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""
@@ -387,7 +349,7 @@ class Slam:
     def trajectory(self) -> tuple[Array, Array]:
         """Timestamps (N,) and best current poses (N, 4, 4) of all frames that have one, in time order."""
         with self._map.lock:
-            return self._trajectory.poses()
+            return self._motion.trajectory.poses()
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         """World positions (M, 3) in metres and RGB colours (M, 3) of the map points."""

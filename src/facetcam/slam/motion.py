@@ -1,0 +1,105 @@
+"""Where the rig is and how it goes on: from frame to frame by sight, and by its wheels where sight fails."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.map import Keyframe
+from facetcam.slam.odometry import planar_motion
+from facetcam.slam.starting import Start
+from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.trust import Reckoning
+from facetcam.slam.uncertainty import reckoned_covariance
+
+Array = NDArray[np.float64]
+
+_MAX_STEPS = 3.0  # for which a motion is taken to go on
+
+
+@dataclass(slots=True)
+class Motion:
+    """The way of the rig so far.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    placed : bool
+        In the map, at least once in this run.
+    lost_frames : int
+        Frames since the last one with a pose from sight.
+    odometry : (3,) array or None
+        Of the last frame.
+    covariance : (6, 6) array
+        Of the last pose.
+    """
+
+    trajectory: Trajectory = field(default_factory=Trajectory)
+    placed: bool = False
+    lost_frames: int = 0
+    odometry: Array | None = None
+    covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    _T_step: Array = field(default_factory=lambda: np.eye(4))  # between the last two frames
+    _step: float = 0.0  # seconds it took
+    _reckoning: Reckoning | None = None  # of a lost rig
+
+    def begin(self, start: Start) -> None:
+        """A map was started from two frames; those in between have poses, too."""
+        for timestamp, T in start.solved:
+            self.trajectory.add(timestamp, T, start.first)
+        for keyframe in (start.first, start.last):
+            self.trajectory.add(keyframe.timestamp, keyframe.T_world_rig, keyframe)
+        self._T_step, self._step, self.placed = start.T_step, start.step, True
+
+    def forget(self) -> None:
+        """The map was wrong, and so are the poses in it."""
+        self.trajectory.clear()
+        self.lost_frames = 0
+
+    def predictions(self, timestamp: float, odometry: Array | None) -> list[Array]:
+        """Where the rig may be, the likeliest first: by odometry, if there is some, and by inertia."""
+        if not self.placed:
+            return []
+        last = self.trajectory.last()
+        steps = (timestamp - self.trajectory.last_timestamp) / self._step if self._step else 1.0
+        inertial = last @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
+        if odometry is None or self.odometry is None:
+            return [inertial]
+        return [last @ planar_motion(self.odometry, odometry, 0.0)[0], inertial]
+
+    def reckoned(self, odometry: Array | None) -> Reckoning | None:
+        """Where wheels without a gap since the loss have carried a lost rig."""
+        if self._reckoning is None or odometry is None or self.odometry is None:
+            return None
+        return self._reckoning.further(planar_motion(self.odometry, odometry, 0.0)[0])
+
+    def follow(self, timestamp: float, T_world_rig: Array, keyframe: Keyframe) -> None:
+        """Sight has found the rig."""
+        if self.placed:
+            step = se3.inverse(self.trajectory.last()) @ T_world_rig
+            self._T_step = np.eye(4) if self.lost_frames else step
+            self._step = timestamp - self.trajectory.last_timestamp
+        self.trajectory.add(timestamp, T_world_rig, keyframe)
+        self.lost_frames, self.placed, self._reckoning = 0, True, None
+
+    def lose(self, odometry: Array | None, wheels_proven: bool) -> None:
+        """Sight has not found the rig; wheels that have proven themselves go on from where it was."""
+        if self.placed and not self.lost_frames and wheels_proven:
+            self._reckoning = Reckoning(self.trajectory.last())
+        self._reckoning = self.reckoned(odometry)
+        self.lost_frames += 1
+
+    def roll(
+        self, timestamp: float, odometry: Array | None, sigma: float, keyframe: Keyframe
+    ) -> Array | None:
+        """The pose (4, 4) to which wheels of relative error `sigma` have carried the rig, if they tell."""
+        if not self.placed or odometry is None or self.odometry is None:
+            return None
+        T_step, covariance = planar_motion(self.odometry, odometry, sigma)
+        T_world_rig = self.trajectory.last() @ T_step
+        self.covariance = reckoned_covariance(self.covariance, T_step, covariance)
+        self.trajectory.add(timestamp, T_world_rig, keyframe)
+        return T_world_rig
