@@ -82,10 +82,7 @@ def _area(rig: Rig, name: str, unfolding: Unfolding, sensor: Sequence[Array]) ->
         return Area([], R)
     else:
         limits = cones.walls(core)
-        clipped = [cones.intersect(core, cones.walls(part)) for part in sensor]
-        if len(sensor) > 1:  # triangles are the smaller cones to cut
-            clipped = [cones.intersect(part, limits) for part in sensor]
-        pieces = [piece for piece in clipped if len(piece)]
+        pieces = [piece for part in sensor if len(piece := cones.intersect(part, limits))]
     pieces = cones.subtract_all(pieces, _obstacles(rig, view.mirrors, unfolding))
     if view.region is not None:
         parts = [cones.walls(triangle) for triangle in _region_cones(rig.camera, view)]

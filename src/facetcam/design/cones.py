@@ -53,7 +53,7 @@ def clip(corners: Array, half_space: Array) -> Array:
 def walls(cone: Array) -> Array:
     """Normals (N, 3) of the planes through the tip that bound a convex cone; inside, products are >= 0."""
     following = np.concatenate([cone[1:], cone[:1]])
-    normals = np.cross(cone, following)
+    normals = cross(cone, following)
     lengths = np.sqrt(np.einsum("ij,ij->i", normals, normals))
     normals = normals[lengths > _TOUCH] / lengths[lengths > _TOUCH, None]
     turned: Array = normals if (normals @ cone.sum(axis=0)).sum() >= 0 else -normals
@@ -92,18 +92,23 @@ def subtract_all(cones: Sequence[Array], others: Iterable[Array]) -> list[Array]
 
 def solid_angle(cone: Array) -> float:
     """Steradians of a convex cone: triangles of a fan, each by Van Oosterom and Strackee (1983)."""
-    unit = cone / np.sqrt(np.einsum("ij,ij->i", cone, cone))[:, None]
-    a, b, c = unit[0], unit[1:-1], unit[2:]
-    triple = np.cross(b, c) @ a
+    corners = _unit(cone)
+    a, b, c = corners[0], corners[1:-1], corners[2:]
+    triple = cross(b, c) @ a
     below = 1.0 + b @ a + c @ a + np.einsum("ij,ij->i", b, c)
     return float(abs(2.0 * np.arctan2(triple, below).sum()))
 
 
 def contains(cones: Iterable[Array], directions: Array) -> NDArray[np.bool_]:
-    """Tell which directions (N, 3) lie in any of the convex cones."""
+    """Tell which unit directions (N, 3) lie in any of the convex cones."""
     inside = np.zeros(len(directions), dtype=bool)
     for cone in cones:
-        inside |= (directions @ walls(cone).T >= 0).all(axis=1)
+        corners = _unit(cone)
+        axis = _unit(corners.sum(axis=0))
+        # A round cone about all corners holds all between them, unless it is wider than a half space.
+        widest = (corners @ axis).min()
+        near = np.flatnonzero(directions @ axis >= widest - _SAME) if widest > 0.0 else slice(None)
+        inside[near] |= (directions[near] @ walls(cone).T >= 0).all(axis=1)
     return inside
 
 
@@ -112,7 +117,7 @@ def outlines(cones: Sequence[Array]) -> list[Array]:
 
     Edges that two pieces share cancel; what remains is chained. An area with a hole has two outlines.
     """
-    rings = [_turned(cone / np.linalg.norm(cone, axis=1, keepdims=True)) for cone in cones]
+    rings = [_turned(_unit(cone)) for cone in cones]
     if not rings:
         return []
     corners = _distinct(np.vstack(rings))
@@ -131,20 +136,31 @@ def outlines(cones: Sequence[Array]) -> list[Array]:
 
 def densify(outline: Array, step: float = math.radians(0.5)) -> Array:
     """Points (M, 3) along an outline, at most `step` radians apart, the first again at the end."""
-    dense = []
-    for a, b in zip(outline, np.roll(outline, -1, axis=0)):
-        angle = math.atan2(float(np.linalg.norm(np.cross(a, b))), float(a @ b))
-        shares = np.linspace(0.0, 1.0, max(2, math.ceil(angle / step) + 1))[:-1, None]
-        dense.append(a + shares * (b - a))
-    points = np.vstack([*dense, outline[:1]])
-    unit: Array = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return unit
+    following = np.concatenate([outline[1:], outline[:1]])
+    angle = np.arctan2(np.linalg.norm(cross(outline, following), axis=1), (outline * following).sum(axis=1))
+    counts = np.maximum(1, np.ceil(angle / step)).astype(int)
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    shares = (within / np.repeat(counts, counts))[:, None]
+    points = np.repeat(outline, counts, axis=0) + shares * np.repeat(following - outline, counts, axis=0)
+    return _unit(np.vstack([points, outline[:1]]))
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Products of rows (N, 3); NumPy's own takes longer over its axes than over few rows."""
+    after, last = [1, 2, 0], [2, 0, 1]
+    product: Array = a[..., after] * b[..., last] - a[..., last] * b[..., after]
+    return product
+
+
+def _unit(vectors: Array) -> Array:
+    scaled: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return scaled
 
 
 def _turned(ring: Array) -> Array:
     """A ring with its corners counter-clockwise seen from the tip's far side."""
     following = np.concatenate([ring[1:], ring[:1]])
-    return ring if np.cross(ring, following).sum(axis=0) @ ring.sum(axis=0) >= 0 else ring[::-1]
+    return ring if cross(ring, following).sum(axis=0) @ ring.sum(axis=0) >= 0 else ring[::-1]
 
 
 def _distinct(corners: Array) -> Array:
@@ -158,11 +174,11 @@ def _distinct(corners: Array) -> Array:
 def _split(corners: Array, start: int, end: int) -> list[tuple[int, int]]:
     """The edge from corner `start` to `end`, cut where other corners lie on it."""
     a, b = corners[start], corners[end]
-    normal = np.cross(a, b)
+    normal = cross(a, b)
     length = float(np.linalg.norm(normal))
     if length < _SAME:
         return [(start, end)]
-    along = np.cross(normal / length, a)
+    along = cross(normal / length, a)
     angle = np.arctan2(corners @ along, corners @ a)
     on = (np.abs(corners @ normal) / length < _SAME) & (angle > _SAME)
     on &= angle < math.atan2(length, float(a @ b)) - _SAME
@@ -174,7 +190,7 @@ def _split(corners: Array, start: int, end: int) -> list[tuple[int, int]]:
 def _without_straight(rim: Array) -> Array:
     """An outline without the corners at which it goes straight on."""
     before, after = np.roll(rim, 1, axis=0), np.roll(rim, -1, axis=0)
-    normals = np.cross(before, after)
+    normals = cross(before, after)
     off = np.abs(np.einsum("ij,ij->i", normals, rim)) / np.maximum(np.linalg.norm(normals, axis=1), _TOUCH)
     bent: Array = rim[off > _SAME]
     return bent

@@ -89,10 +89,14 @@ class LivePage:
 
     def stop(self) -> None:
         """Close the page."""
+        self.stop_following()
+        self.server.stop()
+
+    def stop_following(self) -> None:
+        """Leave the page as it is, whatever its sliders do; `redraw` still shows them."""
         self._stopped.set()
         self._changed.set()
         self._worker.join(5.0)
-        self.server.stop()
 
     def redraw(self) -> None:
         """Show the rig of the sliders, or say in one line why there is none."""
