@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -51,3 +52,20 @@ def test_a_quantity_out_of_bounds_fails_and_says_so(
 
 def test_a_folder_that_exists_is_refused(facetcam: Facetcam, tmp_path: Path) -> None:
     assert "exists already" in only_line(facetcam("demo", "--out", tmp_path))
+
+
+def test_ctrl_c_strikes_amid_a_frame(
+    facetcam: Facetcam, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    calls = []
+
+    def struck(*given: object) -> float:
+        calls.append(given)
+        signal.raise_signal(signal.SIGINT)
+        return 1.0
+
+    monkeypatch.setattr("facetcam.simulation.sensor.AutoExposure.follow", struck)
+    result = facetcam("demo", "--quick", "--out", tmp_path / "run")
+    assert result.exit_code == 130, result.output
+    assert len(calls) == 1
+    assert result.stderr.startswith("facetcam: stopped")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -143,3 +145,29 @@ def test_bad_wishes_are_one_line(facetcam: Facetcam, drawing: Path, tmp_path: Pa
     assert "give a family" in line
     line = only_line(facetcam("design", tmp_path / "none.yaml", "--out", tmp_path / "out"))
     assert "cannot be read" in line
+
+
+@pytest.mark.parametrize(
+    ("module", "function", "more"), [("search", "evaluate", "--search"), ("tolerance", "_moved", "")]
+)
+def test_ctrl_c_strikes_amid_a_step_and_leaves_nothing(
+    facetcam: Facetcam,
+    monkeypatch: pytest.MonkeyPatch,
+    drawing: Path,
+    tmp_path: Path,
+    module: str,
+    function: str,
+    more: str,
+) -> None:
+    calls = []
+
+    def struck(*given: object) -> None:
+        calls.append(given)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(import_module(f"facetcam.design.{module}"), function, struck)
+    result = facetcam("design", drawing, *more.split(), "--out", tmp_path / "run")
+    assert result.exit_code == 130, result.output
+    assert len(calls) == 1
+    assert result.stderr.startswith("facetcam: stopped")
+    assert not (tmp_path / "run").exists()

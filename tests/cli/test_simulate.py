@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pkgutil
+import signal
 from pathlib import Path
 
 import cv2
@@ -117,6 +119,35 @@ def test_a_run_cut_short_goes_on_to_the_same_frames(studio: Path) -> None:
     for k in range(5):
         one, other = ((studio / name / "frames" / f"{k:06d}.png").read_bytes() for name in ("whole", "cut"))
         assert one == other, k
+
+
+@pytest.mark.parametrize(("where", "left"), [("mesh_light.openness", 0), ("sensor.Sensor.develop", 2)])
+def test_ctrl_c_strikes_at_once_and_the_run_goes_on(
+    studio: Path, facetcam: Facetcam, monkeypatch: pytest.MonkeyPatch, where: str, left: int
+) -> None:
+    """While light is baked there are no steps; a frame takes long at full size."""
+    calls, place = [], f"facetcam.simulation.{where}"
+    plain = pkgutil.resolve_name(f"facetcam.simulation.{where.split('.')[0]}:{where.split('.', 1)[1]}")
+
+    def struck(*given: object) -> object:
+        calls.append(where)
+        if len(calls) == left + 1:
+            signal.raise_signal(signal.SIGINT)
+        return plain(*given)
+
+    monkeypatch.setattr(place, struck)
+    result = facetcam(*arguments(studio), "--png")
+    assert result.exit_code == 130, result.output
+    assert len(calls) == left + 1
+    assert "stopped" in result.stderr
+    frames = studio / "out" / "frames"
+    assert len(list(frames.glob("*.png"))) == left
+    resumed = facetcam(*arguments(studio), "--png", "--resume")
+    assert resumed.exit_code == 0, resumed.output
+    whole = facetcam(*arguments(studio, "whole"), "--png")
+    assert whole.exit_code == 0, whole.output
+    for file in sorted((studio / "whole" / "frames").iterdir()):
+        assert file.read_bytes() == (frames / file.name).read_bytes()
 
 
 def test_boards_are_seen_in_every_view(studio: Path, facetcam: Facetcam) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from facetcam.cli.options import OutOption, output_folder
-from facetcam.cli.progress import progress_bar
+from facetcam.cli.progress import prompt_bar
 from facetcam.cli.tables import print_pairs
 from facetcam.errors import FacetcamError
 
@@ -19,7 +19,7 @@ def demo(
     """Run the whole line on a small built-in scene with truth."""
     from facetcam.pipelines.demo import run_demo
 
-    result = run_demo(output_folder(out, "demo"), quick=quick, stage=progress_bar)
+    result = run_demo(output_folder(out, "demo"), quick=quick, stage=prompt_bar)
     rows = [
         (check.quantity, f"{check.value}  (expected {check.expected}{'' if check.passed else ', missed'})")
         for check in result.checks

@@ -9,7 +9,7 @@ import typer
 
 from facetcam.cli.options import OutOption, output_folder
 from facetcam.cli.pages import keep_open
-from facetcam.cli.progress import progress_bar
+from facetcam.cli.progress import prompt_bar
 from facetcam.cli.tables import print_pairs
 
 
@@ -58,7 +58,7 @@ def design(
         tolerance=tolerance,
         make=make,
         seed=seed,
-        stage=progress_bar,
+        stage=prompt_bar,
     )
     analysis = result.analysis
     rows = [

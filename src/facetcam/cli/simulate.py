@@ -10,7 +10,7 @@ import typer
 
 from facetcam.cli.failures import warn
 from facetcam.cli.options import MaxFramesOption, OutOption, RigOption, output_folder
-from facetcam.cli.progress import progress_bar
+from facetcam.cli.progress import prompt_bar
 from facetcam.cli.tables import print_pairs
 
 
@@ -63,7 +63,7 @@ def simulate(
     options = Options(
         scene, rig, trajectory, drive, settings, fps, speed, height, scale, str(up), seed, boards, max_frames
     )
-    result = run_simulate(options, folder, png=png, depth=depth, resume=resume, stage=progress_bar)
+    result = run_simulate(options, folder, png=png, depth=depth, resume=resume, stage=prompt_bar)
     for warning in result.warnings:
         warn(warning)
     print_pairs(
