@@ -19,7 +19,6 @@ from _common import data_folder, show
 
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.chessboards import detect_chessboards
-from facetcam.calibration.completion import find_glass
 from facetcam.calibration.creep import CHANCE, creeps
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.hand_mirror import solve_hand_mirror
@@ -43,7 +42,6 @@ def table(folder: Path) -> None:
     kept = np.concatenate([f.kept for f in calibration.sightings])
     angle, sigma = between(calibration)
     camera = calibration.rig.camera
-    glass = next(iter(calibration.rig.mirrors.values())).glass
     sigma_of = dict(zip(calibration.parameters.names, calibration.parameters.sigma))
     rows = [
         ("sightings", f"{len(calibration.sightings)}: " + ", ".join(f"{n} {v}" for v, n in views.items())),
@@ -51,10 +49,17 @@ def table(folder: Path) -> None:
         ("RMS kept, uncut", f"{calibration.rms():.3f}, {calibration.rms(False):.3f} px"),
         ("focal length x, y", f"{camera.fx:.1f} +- {sigma_of['fx']:.1f}, {camera.fy:.1f} px"),
         ("angle between the mirrors", f"{angle:.4f} +- {sigma:.4f} deg"),
-        ("glass, n = 1.52", f"{glass.thickness / SQUARE:.3f} squares" if glass else "none"),
+        ("glass, n = 1.52", said(calibration, "left, right: thickness")),
     ]
     show("two-mirror table", ("", "value"), rows)
     held_out(fit)
+
+
+def said(calibration: Calibration, name: str) -> str:
+    """A solved number with its sigma, mm."""
+    p = calibration.parameters
+    found = {n: f"{value:.2f} +- {sigma:.2f} mm" for n, value, sigma in zip(p.names, p.value, p.sigma)}
+    return found.get(name, "none")
 
 
 def between(calibration: Calibration) -> tuple[float, float]:
@@ -67,8 +72,8 @@ def between(calibration: Calibration) -> tuple[float, float]:
         return float(180.0 - np.degrees(np.arccos(one @ other)))
 
     names = calibration.parameters.names
-    own = [i for i, name in enumerate(names) if ":" in name]
-    steps = 1e-6 * np.eye(optics.count)
+    own = [names.index(name) for name in optics.parameters if name in names]
+    steps = 1e-6 * np.eye(optics.count)[[name in names for name in optics.parameters]]
     slope = np.array([(angle(s) - angle(-s)) / 2e-6 for s in steps])
     covariance = calibration.parameters.covariance[np.ix_(own, own)]
     return angle(np.zeros(optics.count)), float(np.sqrt(slope @ covariance @ slope))
@@ -80,11 +85,7 @@ def held_out(fit: Fit) -> None:
     moved = {c.photo: c for c in creeps(fit)}
     for photo in fit.photos:
         rest = fit.of_photos([p for p in fit.photos if p != photo])
-        glass = find_glass(rest)
-        optics = rest.state.optics
-        assert isinstance(optics, MirrorOptics)
-        panes = np.tile((glass.thickness, 1.52), (len(optics.planes), 1))
-        rest = replace(rest, state=replace(rest.state, optics=replace(optics, glass=panes))).solved(None)
+        rest = rest.solved(None)
         cells = [str(photo + 1)]
         for name, known in (("direct", {"direct"}), ("direct + left", {"direct", "left"})):
             off = predicted(fit, rest, photo, known)

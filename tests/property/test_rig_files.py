@@ -24,7 +24,10 @@ RIG: dict[str, Any] = {
     },
     "mirrors": {
         "floor": {"polygon": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]},
-        "wall": {"plane": {"normal": [0, 2, 0], "offset": 4}},
+        "wall": {
+            "plane": {"normal": [0, 2, 0], "offset": 4},
+            "glass": {"thickness": 0.004, "index": 1.5, "thickness_sigma": 1e-4, "index_sigma": 0.01},
+        },
     },
     "views": {"up": {"mirrors": ["floor"], "region": [[0, 0], [60, 0], [60, 40]]}},
 }

@@ -11,8 +11,9 @@ from calibration_worlds import boards, disturbed, sightings_of
 from facetcam.calibration import lens
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.free_optics import FreeOptics
 from facetcam.calibration.least_squares import normal_equations
-from facetcam.calibration.optics import FreeOptics, MirrorOptics
+from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.problem import Looks, State
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve

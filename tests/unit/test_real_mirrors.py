@@ -9,13 +9,17 @@ import pytest
 
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.completion import find_glass, glazed, with_all_chains
+from facetcam.calibration.covariance import knowledge
 from facetcam.calibration.hand_mirror import solve_hand_mirror
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
+from facetcam.calibration.uncertainty import uncertainty_maps
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.rig import Camera, Glass, Mirror, Rig, View
+from facetcam.rig.files import document, from_document
+from facetcam.rig.freedom import moved
 
 BOARD = Board("plain", "chessboard", (8, 7), 0.03)
 CAMERA = Camera("brown-conrady", 1600, 1200, 1300.0, 1300.0, 790.0, 610.0, (-0.08, 0.05, 0.0, 0.0, 0.0))
@@ -60,11 +64,13 @@ def test_derivatives_through_glass_agree_with_differences() -> None:
             step = 1e-6 * np.eye(3)[axis]
             slope = (optics.into_camera(view, points + step) - optics.into_camera(view, points - step)) / 2e-6
             np.testing.assert_allclose(by_points[:, :, axis], slope, atol=1e-6)
-        for column, parameter in enumerate(optics.columns(view)):
+        assert len(by_values[0, 0]) == len(optics.columns(view))
+        for parameter in np.unique(optics.columns(view)):  # of both mirrors of a sheet together
             nudge = np.zeros(optics.count)
             nudge[parameter] = 1e-6
             ends = [optics.moved(n).into_camera(view, points) for n in (nudge, -nudge)]
-            np.testing.assert_allclose(by_values[:, :, column], (ends[0] - ends[1]) / 2e-6, atol=2e-3)
+            ours = by_values[:, :, optics.columns(view) == parameter].sum(axis=2)
+            np.testing.assert_allclose(ours, (ends[0] - ends[1]) / 2e-6, atol=2e-3)
 
 
 def test_the_solvers_projection_is_that_of_the_rig() -> None:
@@ -89,6 +95,46 @@ def test_the_thickness_of_glass_is_found() -> None:
     none = solve(glazed(true, 0.0), BoardSet((BOARD,)), sightings_of(table(None), 8, 0.1))
     bare = find_glass(none.fit)
     assert bare.thickness < 3 * bare.sigma
+
+
+def test_glass_is_solved_for_and_stands_in_the_covariance() -> None:
+    true = table(Glass(0.006, 1.52))
+    sightings = sightings_of(true, 8, 0.1)
+    found = solve(glazed(true, 0.004), BoardSet((BOARD,)), sightings)
+    at = found.parameters.names.index("left, right: thickness")
+    value, sigma = found.parameters.value[at], found.parameters.sigma[at]
+    assert found.parameters.units[at] == "mm"
+    assert abs(value - 6.0) < 3 * sigma and sigma < 0.5
+    back = from_document(document(found.rig))
+    pane = back.mirrors["left"].glass
+    assert pane is not None and pane.thickness == pytest.approx(1e-3 * value)
+    assert pane.thickness_sigma == pytest.approx(1e-3 * sigma)
+    assert back.covariance is not None and "right: thickness" in back.covariance.parameters
+    step = np.zeros(len(back.covariance.parameters))
+    step[back.covariance.parameters.index("right: thickness")] = 1e-3
+    after = moved(back, back.covariance, step)
+    assert after.mirrors["right"].glass == replace(pane, thickness=pane.thickness + 1e-3)
+    assert after.mirrors["left"].glass == pane
+
+
+def test_what_is_stated_of_glass_is_carried_into_the_views() -> None:
+    """A sheet that photos hardly tell of: its sigma stays, and is in the views."""
+    sightings = sightings_of(table(Glass(0.006)), 3, 0.3)
+    sigma = {}
+    for stated in (0.0, 1e-4, 1e-3):
+        drawn = glazed(table(None), 0.0)
+        glass = Glass(0.006, 1.52, thickness_sigma=stated, index_sigma=0.0)
+        drawn = replace(drawn, mirrors={n: replace(m, glass=glass) for n, m in drawn.mirrors.items()})
+        found = solve(drawn, BoardSet((BOARD,)), sightings)
+        known = dict(zip(found.parameters.names, found.parameters.sigma))
+        assert ("left, right: thickness" in known) == (stated > 0)
+        assert "left, right: index" not in known
+        assert not any("thickness" in u.what or "index" in u.what for u in found.unobservable)
+        maps = uncertainty_maps(found.fit, knowledge(found.fit, 0.3), 0.5)
+        sigma[stated] = known.get("left, right: thickness", 0.0), np.nanmedian([m.sigma_px for m in maps])
+    assert sigma[1e-4][0] == pytest.approx(0.1, rel=0.03)  # mm, as stated
+    assert sigma[1e-3][0] < 1.0  # the photos know better
+    assert sigma[0.0][1] < sigma[1e-4][1] < sigma[1e-3][1]
 
 
 def hand_held(normals: list[list[float]], noise: float) -> tuple[list[Sighting], np.ndarray]:

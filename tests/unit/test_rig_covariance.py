@@ -52,6 +52,7 @@ def test_a_rig_without_keeps_its_file_and_digest(tmp_path: Path) -> None:
         ({"covariance": {"parameters": ["fx", "fx"], "matrix": [[1.0, 0.0], [0.0, 1.0]]}}, "twice"),
         ({"covariance": {"parameters": ["fz"], "matrix": [[1.0]]}}, "'fz'"),
         ({"covariance": {"parameters": ["left: tilt u"], "matrix": [[1.0]]}}, "needs the axes"),
+        ({"covariance": {"parameters": ["lamp: thickness"], "matrix": [[1.0]]}}, "'lamp: thickness'"),
         ({"covariance": {"parameters": ["fx", "fy"], "matrix": [[1.0], [0.4, 1.0]]}}, "lengths"),
         ({"covariance": {"parameter": ["fx"], "matrix": [[1.0]]}}, "did you mean 'parameters'"),
         ({"covariance": [1.0]}, "expected keys"),

@@ -143,8 +143,8 @@ def find_glass(fit: Fit, index: float = 1.52) -> Thickness:
 
 
 def glazed(rig: Rig, thickness: float, index: float = 1.52) -> Rig:
-    """The rig with this glass before all mirrors."""
-    glass = Glass(thickness, index) if thickness > 0 else None
+    """The rig with this glass before all mirrors, of which a solve may change all."""
+    glass = Glass(thickness, index, thickness_sigma=thickness) if thickness > 0 else None
     return replace(rig, mirrors={n: replace(m, glass=glass) for n, m in rig.mirrors.items()})
 
 

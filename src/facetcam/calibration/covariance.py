@@ -13,11 +13,13 @@ from facetcam.calibration.fit import Fit
 from facetcam.calibration.least_squares import normal_equations, restricted
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.result import Parameters
-from facetcam.rig.covariance import Axes, RigCovariance
+from facetcam.rig import Rig
+from facetcam.rig.covariance import GLASS, Axes, RigCovariance
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_LOOSE = 10.0  # sigmas by which a number may differ from what was measured of it
 OPEN = 0.3  # of the drawing's tolerance: where photos leave more than this, they are said to know nothing
 
 
@@ -88,7 +90,10 @@ def knowledge(fit: Fit, noise: float) -> Knowledge:
         A = A - B @ np.linalg.solve(C, B.T)
     free = np.flatnonzero(fit.free[: fit.state.first_board])
     tolerance = np.concatenate([fit.prior.tolerance, fit.state.optics.tolerance])[free]
-    information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance
+    # What is stated of glass is a measurement, not a tolerance: it is known that well without any photo.
+    measured = free >= len(fit.state.intrinsics) + 3 * len(_mirrors(fit).planes)
+    tolerance[measured] *= _LOOSE
+    information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance + np.diag(_LOOSE**2 * measured)
     return Knowledge(names_of(fit), free, tolerance, information, noise)
 
 
@@ -114,17 +119,16 @@ def _information(fit: Fit, noise: float) -> Array:
 
 def names_of(fit: Fit) -> tuple[str, ...]:
     """Names of all numbers of lens and mirrors."""
-    optics = _mirrors(fit)
-    own = ("tilt u", "tilt v", "shift")
-    return lens.NAMES[fit.state.model] + tuple(f"{m}: {word}" for m in optics.names for word in own)
+    return lens.NAMES[fit.state.model] + _mirrors(fit).parameters
 
 
 def parameters_of(fit: Fit, known: Knowledge) -> Parameters:
-    """The free numbers with their sigmas, tilts in degrees and shifts in millimetres."""
+    """The free numbers with their sigmas, tilts in degrees, lengths in millimetres."""
     optics = _mirrors(fit)
     lenses = len(fit.state.intrinsics)
-    values = np.concatenate([fit.state.intrinsics, *(p.values for p in optics.planes)])
+    values = np.concatenate([fit.state.intrinsics, optics.values])
     units = ["px"] * 4 + [""] * (lenses - 4) + ["deg", "deg", "mm"] * len(optics.planes)
+    units += ["mm", ""] * len(optics.sheets)
     scale = {"px": 1.0, "": 1.0, "deg": float(np.degrees(1.0)), "mm": 1e3}
     factors = np.array([scale[units[i]] for i in known.free])
     return Parameters(
@@ -144,9 +148,30 @@ def rig_covariance(fit: Fit, known: Knowledge) -> RigCovariance:
         pivot = plane.pivot + plane.values[2] * plane.plane[0]
         u, v, p = ((float(x), float(y), float(z)) for x, y, z in (*turned, pivot))
         axes[name] = Axes(u, v, p)
-    names = tuple(known.names[i] for i in known.free)
+    alone = [(row, name) for row, index in enumerate(known.free) for name in _of_each(known.names[index])]
+    rows, names = [row for row, _ in alone], tuple(name for _, name in alone)
     used = {name.partition(": ")[0] for name in names}
-    return RigCovariance(names, known.covariance, {m: a for m, a in axes.items() if m in used})
+    matrix = known.covariance[np.ix_(rows, rows)]
+    return RigCovariance(names, matrix, {m: a for m, a in axes.items() if m in used})
+
+
+def _of_each(name: str) -> list[str]:
+    """The number of a sheet as that of each of its mirrors."""
+    mirrors, colon, word = name.partition(": ")
+    return [mirror + colon + word for mirror in mirrors.split(", ")]
+
+
+def with_sigmas(rig: Rig, parameters: Parameters) -> Rig:
+    """The rig with the solved sigmas of its glass in the place of those stated before."""
+    sigmas = np.sqrt(np.diag(parameters.covariance)).tolist()
+    sigma = {alone: s for name, s in zip(parameters.names, sigmas) for alone in _of_each(name)}
+    mirrors = dict(rig.mirrors)
+    for name, mirror in rig.mirrors.items():
+        if mirror.glass is not None:
+            found = {f"{word}_sigma": sigma.get(f"{name}: {word}") for word in GLASS}
+            known = {key: value for key, value in found.items() if value is not None}
+            mirrors[name] = replace(mirror, glass=replace(mirror.glass, **known))
+    return replace(rig, mirrors=mirrors)
 
 
 def _mirrors(fit: Fit) -> MirrorOptics:

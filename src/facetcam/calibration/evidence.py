@@ -86,10 +86,15 @@ def middle_error(fit: Fit) -> float:
     return float(np.median(np.linalg.norm(fit.residuals, axis=1)))
 
 
+def sighting_errors(fit: Fit) -> Array:
+    """The same of each sighting (S,); 0 without corners."""
+    lengths = np.linalg.norm(fit.residuals, axis=1)
+    return np.array([np.median(lengths[a:b]) if b > a else 0.0 for a, b in fit.looks.bounds])
+
+
 def worst_sighting(fit: Fit) -> float:
     """The same of the sighting that fits worst."""
-    lengths = np.linalg.norm(fit.residuals, axis=1)
-    return max((float(np.median(lengths[a:b])) for a, b in fit.looks.bounds if b > a), default=0.0)
+    return float(sighting_errors(fit).max(initial=0.0))
 
 
 def stations_only(fit: Fit) -> Fit:

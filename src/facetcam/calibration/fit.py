@@ -210,6 +210,7 @@ def _free(state: State, optics: MirrorOptics, boards: Index, part: Index) -> Mas
     free = np.ones(state.shared, dtype=bool)
     gauge = gauge_mirror(optics)
     lenses = len(state.intrinsics)
+    free[lenses : state.first_board] = np.isfinite(optics.tolerance)
     if gauge is not None:
         free[lenses + 3 * gauge : lenses + 3 * gauge + 3] = False
     held = set(range(len(state.T_station_board))) - set(boards.tolist()) | set(part.tolist())

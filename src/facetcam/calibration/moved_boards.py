@@ -16,6 +16,7 @@ from facetcam.calibration.evidence import (
     is_mended,
     is_wrong,
     misfit,
+    sighting_errors,
     stations_only,
 )
 from facetcam.calibration.fit import Fit
@@ -104,10 +105,14 @@ def _total(fit: Fit, noise: float) -> float:
 def _new_places(fit: Fit, noise: float) -> dict[tuple[int, int], Array]:
     """Boards that stand elsewhere in a photo, the rig pose taken from the photo's other boards."""
     found = {}
+    errors = sighting_errors(stations_only(fit))
     for photo in fit.photos:
         here = [i for i, s in enumerate(fit.sightings) if s.photo == photo]
         seen = sorted({fit.sightings[i].board for i in here})
-        for board in seen if len(seen) > 1 else ():
+        # Of boards that stand apart the pose of all shows at least half on one of them.
+        if len(seen) < 2 or not is_wrong(2.0 * float(errors[here].max()), noise):
+            continue
+        for board in seen:
             own = [i for i in here if fit.sightings[i].board == board]
             others = [i for i in here if i not in own]
             if min(_corners(fit, own), _corners(fit, others)) >= _CORNERS:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, Self
@@ -14,6 +14,8 @@ from facetcam.calibration.mirror_planes import Plane
 from facetcam.geometry import reflection, se3
 from facetcam.geometry.glass import displacement, straightened
 from facetcam.rig import Rig
+from facetcam.rig.covariance import GLASS, MOTIONS
+from facetcam.rig.mirrors import DENSEST, THICKEST
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -49,7 +51,7 @@ class Optics(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MirrorOptics:
-    """Views behind flat mirrors, three parameters a mirror; glass before them is taken as given.
+    """Views behind flat mirrors: three parameters a mirror, and two of each sheet of glass before some.
 
     Attributes
     ----------
@@ -59,9 +61,14 @@ class MirrorOptics:
     chains : tuple of tuple of int
         Indices of mirrors a view, in the order a camera ray meets them.
     T_cam_rig : (4, 4) array
-    tolerance : (3 M,) array
+    tolerance : (count,) array
+        Of the drawing: of the planes first, then of the glass; inf for glass that is held.
     glass : (M, 2) array
         Thickness in metres and refractive index of each mirror; thickness 0 for a first surface.
+    drawn : (G, 2) array
+        The same in the drawing, of each sheet.
+    sheets : tuple of tuple of int
+        Mirrors that are cut from one sheet: those of the same glass in the drawing.
     """
 
     names: tuple[str, ...]
@@ -70,6 +77,8 @@ class MirrorOptics:
     T_cam_rig: Array
     tolerance: Array
     glass: Array
+    drawn: Array
+    sheets: tuple[tuple[int, ...], ...]
 
     @classmethod
     def of(cls, rig: Rig, views: Sequence[str], tilt: float, shift: float) -> MirrorOptics:
@@ -80,22 +89,42 @@ class MirrorOptics:
         chains = tuple(tuple(names.index(m) for m in rig.views[v].mirrors) for v in views)
         # Millimetres suit a rig that fits on a robot; of a mirror metres away a drawing knows less.
         shifts = [max(shift, 0.02 * float(np.linalg.norm(p.pivot - centre))) for p in planes]
-        tolerance = np.array([[np.tan(tilt), np.tan(tilt), s] for s in shifts]).reshape(-1)
+        of_planes = np.array([[np.tan(tilt), np.tan(tilt), s] for s in shifts]).reshape(-1)
         panes = [rig.mirrors[m].glass for m in names]
         glass = np.array([(p.thickness, p.index) if p else (0.0, 1.0) for p in panes]).reshape(-1, 2)
-        return cls(names, planes, chains, se3.inverse(rig.T_rig_cam), tolerance, glass)
+        cut = {p: tuple(m for m, q in enumerate(panes) if q == p) for p in panes if p and p.thickness > 0}
+        sigmas = np.array([pane.sigmas for pane in cut]).reshape(-1)
+        tolerance = np.concatenate([of_planes, np.where(sigmas > 0, sigmas, np.inf)])
+        drawn, sheets = glass[[mirrors[0] for mirrors in cut.values()]], tuple(cut.values())
+        return cls(names, planes, chains, se3.inverse(rig.T_rig_cam), tolerance, glass, drawn, sheets)
 
     @property
     def count(self) -> int:
-        return 3 * len(self.planes)
+        return 3 * len(self.planes) + 2 * len(self.sheets)
+
+    @property
+    def values(self) -> Array:
+        """Steps of the planes from the drawing, then thickness and index of the sheets."""
+        panes = self.glass[[mirrors[0] for mirrors in self.sheets]].reshape(-1)
+        return np.concatenate([np.empty(0), *(p.values for p in self.planes), panes])
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters; a sheet is called by all its mirrors."""
+        sheets = [", ".join(self.names[m] for m in mirrors) for mirrors in self.sheets]
+        parts = [(self.names, MOTIONS), (sheets, GLASS)]
+        return tuple(f"{name}: {word}" for names, words in parts for name in names for word in words)
 
     @property
     def offsets(self) -> Array:
-        values = np.concatenate([np.empty(0), *(p.values for p in self.planes)])
-        return np.asarray(values / self.tolerance)
+        begun = np.concatenate([np.zeros(3 * len(self.planes)), self.drawn.reshape(-1)])
+        return np.asarray((self.values - begun) / self.tolerance)
 
     def columns(self, view: int) -> Index:
-        return np.array([3 * m + i for m in self.chains[view] for i in range(3)], dtype=np.int64)
+        planes = [3 * m + i for m in self.chains[view] for i in range(3)]
+        own = {m: 3 * len(self.planes) + 2 * g for g, mirrors in enumerate(self.sheets) for m in mirrors}
+        panes = [own[m] + i for m in self.chains[view] if m in own for i in (0, 1)]
+        return np.array(planes + panes, dtype=np.int64)
 
     def into_camera(self, view: int, points: Array) -> Array:
         seen = se3.transform(self._maps[view][0], points)
@@ -108,13 +137,14 @@ class MirrorOptics:
         by_values = np.einsum("pij,nj->nip", by_planes[:, :3, :3], points) + by_planes[:, :3, 3].T
         if self._panes(view) is None:
             return by_points, by_values
-        through, by_normals = self._through_glass(view, points)
-        return through @ by_points, through @ (by_values + by_normals)
+        through, by_panes = self._through_glass(view, points)
+        by_panes[:, :, : by_values.shape[2]] += by_values
+        return through @ by_points, through @ by_panes
 
     def _panes(self, view: int) -> tuple[Array, Array] | None:
         """Unfolded normals and glass of the view's chain, as `geometry.glass` takes them; None without."""
         chain = self.chains[view]
-        if not any(self.glass[m, 0] > 0 for m in chain):
+        if not any(m in sum(self.sheets, ()) or self.glass[m, 0] > 0 for m in chain):
             return None
         turn, normals = self.T_cam_rig[:3, :3], []
         for m in chain:
@@ -123,7 +153,7 @@ class MirrorOptics:
         return np.array(normals), np.maximum(self.glass[list(chain)], (0.0, 1.0 + 1e-9))
 
     def _through_glass(self, view: int, points: Array) -> tuple[Array, Array]:
-        """How the straightened point follows the unfolded one (N, 3, 3), and what the normals' turn adds.
+        """How the straightened point follows the unfolded one (N, 3, 3), and what normals and glass add.
 
         Differences: the displacement is smooth, small, and enters the projection a hundred times weaker than
         the point itself.
@@ -138,20 +168,24 @@ class MirrorOptics:
             more, less = (displacement(e / np.linalg.norm(e, axis=1)[:, None], *panes) for e in ends)
             slope[:, :, axis] = (more - less) / (2 * step)
         directions = seen / np.linalg.norm(seen, axis=1)[:, None]
-        by_normals = np.zeros((len(points), 3, len(self.columns(view))))
-        for column, parameter in enumerate(self.columns(view)):
-            if parameter % 3 < 2:
-                nudge = np.zeros(self.count)
-                nudge[parameter] = 1e-6
-                ends = [displacement(directions, *_some(self.moved(n)._panes(view))) for n in (nudge, -nudge)]
-                by_normals[:, :, column] = -(ends[0] - ends[1]) / 2e-6
-        return np.asarray(np.linalg.inv(np.eye(3) + slope), dtype=np.float64), by_normals
+        by_panes = np.zeros((len(points), 3, len(self.columns(view))))
+        # A chain may meet a mirror or a sheet twice: its columns repeat, and what it adds counts once.
+        for parameter, column in zip(*np.unique(self.columns(view), return_index=True)):
+            if parameter < 3 * len(self.planes) and parameter % 3 == 2:
+                continue  # a shift leaves normals and glass alone
+            nudge = np.zeros(self.count)
+            nudge[parameter] = 1e-6
+            ends = [displacement(directions, *_some(self.moved(n)._panes(view))) for n in (nudge, -nudge)]
+            by_panes[:, :, column] = -(ends[0] - ends[1]) / 2e-6
+        return np.asarray(np.linalg.inv(np.eye(3) + slope), dtype=np.float64), by_panes
 
     def moved(self, step: Array) -> MirrorOptics:
-        steps = step.reshape(-1, 3)
-        return replace(
-            self, planes=tuple(replace(p, values=p.values + s) for p, s in zip(self.planes, steps))
-        )
+        of_planes, of_glass = np.split(step, [3 * len(self.planes)])
+        planes = tuple(replace(p, values=p.values + s) for p, s in zip(self.planes, of_planes.reshape(-1, 3)))
+        glass = self.glass.copy()
+        for mirrors, change in zip(self.sheets, of_glass.reshape(-1, 2)):
+            glass[list(mirrors)] += change
+        return replace(self, planes=planes, glass=glass)
 
     @cached_property
     def _maps(self) -> list[tuple[Array, Array]]:
@@ -170,51 +204,15 @@ class MirrorOptics:
     def rig(self, rig: Rig) -> Rig:
         """`rig` with these mirrors; polygons move with their planes."""
         mirrors = dict(rig.mirrors)
-        for name, plane in zip(self.names, self.planes):
+        for m, (name, plane) in enumerate(zip(self.names, self.planes)):
             mirrors[name] = plane.moved(rig.mirrors[name])
+            pane = mirrors[name].glass
+            if pane is not None:
+                thickness, index = np.clip(self.glass[m], (0.0, 1.0 + 1e-9), (THICKEST, DENSEST)).tolist()
+                mirrors[name] = replace(mirrors[name], glass=replace(pane, thickness=thickness, index=index))
         return replace(rig, mirrors=mirrors)
 
 
 def _some(panes: tuple[Array, Array] | None) -> tuple[Array, Array]:
     assert panes is not None
     return panes
-
-
-@dataclass(frozen=True, eq=False)
-class FreeOptics:
-    """Views with any pose: six parameters a view, from no drawing; for what mirrors do not explain."""
-
-    T_image_rig: Array  # (V, 4, 4), of determinant -1 for mirror images
-
-    @classmethod
-    def of(cls, optics: Mapping[int, Array] | Sequence[Array]) -> FreeOptics:
-        """Views at these signed poses T_image_rig."""
-        return cls(np.array(optics))
-
-    @property
-    def count(self) -> int:
-        return 6 * len(self.T_image_rig)
-
-    @property
-    def offsets(self) -> Array:
-        return np.zeros(self.count)
-
-    @property
-    def tolerance(self) -> Array:
-        return np.full(self.count, np.inf)
-
-    def columns(self, view: int) -> Index:
-        return np.arange(6 * view, 6 * view + 6)
-
-    def into_camera(self, view: int, points: Array) -> Array:
-        return se3.transform(self.T_image_rig[view], points)
-
-    def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
-        R = self.T_image_rig[view, :3, :3]
-        seen = self.into_camera(view, points)
-        by_values = np.concatenate([-se3.skew(seen), np.broadcast_to(np.eye(3), (len(points), 3, 3))], axis=2)
-        return np.broadcast_to(R, (len(points), 3, 3)), by_values
-
-    def moved(self, step: Array) -> FreeOptics:
-        steps = step.reshape(-1, 6)
-        return FreeOptics(np.array([se3.exp(s) @ T for s, T in zip(steps, self.T_image_rig)]))

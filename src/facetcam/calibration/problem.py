@@ -118,13 +118,16 @@ class State:
 
     def moved(self, shared: Array, stations: Array) -> State:
         """The state after a step of the shared parameters and of the station poses (P, 6)."""
+        stations_moved = se3.exp(stations) @ self.T_rig_station
+        if not shared.any():  # the optics keep what they have worked out
+            return replace(self, T_rig_station=stations_moved)
         lenses, optics, boards = np.split(shared, [len(self.intrinsics), self.first_board])
         return replace(
             self,
             intrinsics=self.intrinsics + lenses,
             optics=self.optics.moved(optics),
             T_station_board=se3.exp(boards.reshape(-1, 6)) @ self.T_station_board,
-            T_rig_station=se3.exp(stations) @ self.T_rig_station,
+            T_rig_station=stations_moved,
         )
 
     def predict(self, looks: Looks) -> Array:

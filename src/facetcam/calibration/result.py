@@ -53,7 +53,7 @@ class Parameters:
     units : tuple of str
         `px`, `` (none), `deg` or `mm`: the unit of `value` and `sigma`.
     value : (P,) array
-        Solved value; of a mirror, how far it stands from the drawing.
+        Solved value; of a mirror's plane, how far it stands from the drawing.
     sigma : (P,) array
         One standard deviation; NaN where the photos do not determine it (see `Calibration.unobservable`).
     covariance : (P, P) array

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from facetcam.calibration.assignment import assign
 from facetcam.calibration.boards import BoardSet
-from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance
+from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance, with_sigmas
 from facetcam.calibration.creep import crept
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
@@ -120,6 +120,7 @@ def _calibration(
     fit: Fit, boards: BoardSet, findings: tuple[Finding, ...], noise: float, began: float
 ) -> Calibration:
     known = knowledge(fit, noise)
+    parameters = parameters_of(fit, known)
     predicted = fit.state.predict(fit.looks)
     fitted = tuple(
         FittedSighting(s, predicted[a:b], fit.kept[a:b]) for s, (a, b) in zip(fit.sightings, fit.looks.bounds)
@@ -130,7 +131,11 @@ def _calibration(
         for s, b, p in zip(fit.sightings, fit.looks.board, fit.looks.station)
     }
     return Calibration(
-        rig=replace(fit.rig, covariance=rig_covariance(fit, known), solved_from=_origin(fit, boards)),
+        rig=replace(
+            with_sigmas(fit.rig, parameters),
+            covariance=rig_covariance(fit, known),
+            solved_from=_origin(fit, boards),
+        ),
         nominal=fit.nominal,
         boards=boards,
         T_rig_board=poses,
@@ -143,7 +148,7 @@ def _calibration(
             if worlds and b in fit.looks.board
         },
         sightings=fitted,
-        parameters=parameters_of(fit, known),
+        parameters=parameters,
         noise=noise,
         unobservable=unknowns(fit, known, boards),
         findings=findings,

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from facetcam.calibration import lens
 from facetcam.calibration.boards import BoardSet
+from facetcam.calibration.free_optics import FreeOptics
 from facetcam.calibration.least_squares import Prior, minimise
-from facetcam.calibration.optics import FreeOptics
 from facetcam.calibration.plane_pose import plane_pose
 from facetcam.calibration.problem import Looks, State, subset
 from facetcam.calibration.sightings import Sighting

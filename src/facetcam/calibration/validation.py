@@ -13,7 +13,8 @@ from facetcam.calibration.across_views import LEAST_CORNERS, AcrossViews, across
 from facetcam.calibration.covariance import knowledge, shared_covariance
 from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.fit import Fit
-from facetcam.calibration.optics import FreeOptics, MirrorOptics
+from facetcam.calibration.free_optics import FreeOptics
+from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.quality import Flatness, MirrorDeviation, Validation
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.uncertainty import uncertainty_maps

@@ -129,5 +129,11 @@ def rows_of(result: Calibrated) -> list[tuple[str, str]]:
             ("between two halves", validation.split_half_rms, ""),
         ]
         rows += [(label, f"{value:.3f} px RMS{more}") for label, value, more in judged if value == value]
+    found = zip(calibration.parameters.names, calibration.parameters.value, calibration.parameters.sigma)
+    rows += [
+        ("glass of " + name.removesuffix(": thickness"), f"{value:.2f} +- {sigma:.2f} mm thick")
+        for name, value, sigma in found
+        if name.endswith(": thickness")
+    ]
     rows += [("not determined", unknown.what) for unknown in calibration.unobservable if not unknown.harmless]
     return [*rows, ("rig", str(result.folder / "rig.yaml")), ("report", str(result.folder / "report.html"))]

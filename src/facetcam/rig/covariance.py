@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 LENS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3", "k4", "p1", "p2")
 MOTIONS = ("tilt u", "tilt v", "shift")
+GLASS = ("thickness", "index")
 _ASYMMETRY = 1e-6  # of a written covariance, of its largest entry, that rounding explains
 
 
@@ -38,7 +39,8 @@ class RigCovariance:
     Parameters
     ----------
     parameters : tuple of str
-        `fx`, `k1`, ..., or `MIRROR: tilt u`, `MIRROR: tilt v`, `MIRROR: shift` (see `Axes`).
+        `fx`, `k1`, ..., `MIRROR: tilt u`, `MIRROR: tilt v`, `MIRROR: shift` (see `Axes`), or of the glass
+        before it `MIRROR: thickness`, `MIRROR: index`.
     matrix : (P, P) array
         Pixels, radians and metres. Numbers that are not listed were held.
     axes : mapping of mirror to Axes
@@ -73,9 +75,11 @@ class RigCovariance:
         mirrors = list(mirrors)
         for name in self.parameters:
             mirror, _, motion = name.partition(": ")
-            if motion and mirror not in self.axes:
+            if motion in GLASS and mirror not in mirrors:
+                raise RigError(f"covariance: '{name}' is of a mirror that the rig does not have")
+            if motion and motion not in GLASS and mirror not in self.axes:
                 raise RigError(f"covariance: '{name}' needs the axes of mirror '{mirror}'")
-            known = MOTIONS if motion else LENS
+            known = (*MOTIONS, *GLASS) if motion else LENS
             if (motion or mirror) not in known:
                 raise RigError(f"covariance: unknown parameter '{name}'; {nearest(motion or mirror, known)}")
         for mirror in self.axes:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -201,8 +201,8 @@ def _geometry(rig: Rig) -> dict[str, Any]:
 
 
 def _mirror_document(mirror: Mirror) -> dict[str, Any]:
-    glass = mirror.glass
-    behind = {} if glass is None else {"glass": {"thickness": glass.thickness, "index": glass.index}}
+    glass = {} if mirror.glass is None else asdict(mirror.glass)
+    behind = {"glass": {key: number for key, number in glass.items() if number is not None}} if glass else {}
     if mirror.polygon is None:
         return {"plane": {"normal": mirror.normal.tolist(), "offset": mirror.offset}} | behind
     return {"polygon": mirror.polygon.tolist()} | behind

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.rig.camera import BROWN_CONRADY, Camera
-from facetcam.rig.covariance import MOTIONS, Axes, RigCovariance
-from facetcam.rig.mirrors import Mirror
+from facetcam.rig.covariance import GLASS, MOTIONS, Axes, RigCovariance
+from facetcam.rig.mirrors import Glass, Mirror
 from facetcam.rig.rig import Rig
 
 Array = NDArray[np.float64]
@@ -59,6 +59,9 @@ def moved(rig: Rig, known: RigCovariance, step: Array) -> Rig:
     for name, own in known.axes.items():
         by = [steps.get(f"{name}: {word}", 0.0) for word in MOTIONS]
         mirrors[name], axes[name] = _moved_mirror(name, rig.mirrors[name], own, by)
+    for name, mirror in mirrors.items():
+        if mirror.glass is not None:
+            mirrors[name] = replace(mirror, glass=_moved_glass(mirror.glass, name, steps))
     kept = RigCovariance(known.parameters, known.matrix, axes)
     return replace(rig, camera=_moved_camera(rig.camera, steps), mirrors=mirrors, covariance=kept)
 
@@ -80,6 +83,11 @@ def _moved_camera(camera: Camera, steps: Mapping[str, float]) -> Camera:
     focal = {key: getattr(camera, key) + steps.get(key, 0.0) for key in ("fx", "fy", "cx", "cy")}
     distortion = tuple(value + steps.get(key, 0.0) for key, value in zip(names, camera.distortion))
     return replace(camera, **focal, distortion=distortion)
+
+
+def _moved_glass(glass: Glass, name: str, steps: Mapping[str, float]) -> Glass:
+    thickness, index = (steps.get(f"{name}: {word}", 0.0) for word in GLASS)
+    return replace(glass, thickness=max(glass.thickness + thickness, 0.0), index=glass.index + index)
 
 
 def _moved_mirror(name: str, mirror: Mirror, axes: Axes, by: list[float]) -> tuple[Mirror, Axes]:

@@ -69,6 +69,7 @@ def context_of(report: CalibrationReport) -> dict[str, Any]:
         "depth": f"{validation.maps[0].depth:.2g}" if validation and validation.maps else "",
         "deviations": deviations_of(report),
         "parameters": words.camera_rows(calibration),
+        "glass": any(mirror.glass is not None for mirror in calibration.rig.mirrors.values()),
         "outliers": [{"caption": p.caption, "uri": data_uri(to_bgr8(p.image))} for p in report.outliers],
         "pictures": [embedded(picture) for picture in report.pictures],
         "view_legend": [(name, view_colour(i)) for i, name in enumerate(calibration.rig.view_names)],

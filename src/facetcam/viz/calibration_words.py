@@ -8,6 +8,7 @@ import numpy as np
 
 from facetcam.calibration.quality import MirrorDeviation, Validation
 from facetcam.calibration.result import Calibration
+from facetcam.rig.covariance import GLASS
 from facetcam.viz.wording import BAD, FAIR, GOOD, plural
 
 AGREE = 1.0  # pixels up to which two halves of a set agree
@@ -95,12 +96,14 @@ def deviation_row(d: MirrorDeviation) -> list[str]:
 
 
 def camera_rows(calibration: Calibration) -> list[list[str]]:
-    """Name, value and sigma of the parameters of the lens."""
+    """Name, value and sigma of the parameters of the lens, and of the glass before mirrors."""
     p = calibration.parameters
     rows = []
     for name, unit, value, sigma in zip(p.names, p.units, p.value, p.sigma, strict=True):
-        if unit in ("px", ""):
-            digits = 3 if unit == "px" else 5
+        mirrors, _, word = name.rpartition(": ")
+        if not mirrors or word in GLASS:
+            digits = 3 if unit else 5
             shown = number(float(sigma), digits) if math.isfinite(sigma) else "not determined"
-            rows.append([name, f"{value:.{digits}f}{' px' if unit else ''}", shown])
+            label = f"glass of {mirrors}: {word}" if mirrors else name
+            rows.append([label, f"{value:.{digits}f} {unit}".rstrip(), shown])
     return rows
