@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 from slam_worlds import bundle_of, folded, in_sight, winding_path
+from threadpoolctl import threadpool_limits
 
 from facetcam.geometry import se3
 from facetcam.slam.frame import Corners
@@ -82,3 +83,16 @@ def test_what_is_open_against_several_held_frames_is_the_conditional_covariance(
     found = free_frames(bundle, optics, 0.5).covariance
     assert np.allclose(found[0], left[:6, :6], rtol=1e-3, atol=1e-3 * np.abs(left).max())
     assert np.allclose(found[1], left[6:, 6:], rtol=1e-3, atol=1e-3 * np.abs(left).max())
+
+
+def test_uncertainty_is_alike_to_the_bit_whatever_the_threads_of_linear_algebra() -> None:
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(11)
+    path = winding_path(30)
+    points, noise = in_sight(optics, path, rng, 900), rng.normal(0.0, 0.5, (100_000, 2))
+    bundle, found = bundle_of(optics, path, points, noise), []
+    for threads in (1, 2, 3):
+        with threadpool_limits(threads, "blas"):
+            found.append(map_uncertainty(bundle, optics, 0.5))
+    for other in found[1:]:
+        assert other.scale_sigma == found[0].scale_sigma
+        assert np.array_equal(other.covariance, found[0].covariance)

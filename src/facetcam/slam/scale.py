@@ -11,6 +11,7 @@ from facetcam.rig import RigCovariance
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.information import information
 from facetcam.slam.optics import Optics
+from facetcam.slam.threads import on_one_thread
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class MapUncertainty:
     readout_sigma: float = np.inf
 
 
+@on_one_thread
 def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUncertainty:
     """Uncertainty of a map from the information in its reprojections, and from what is open of its rig.
 

@@ -1,4 +1,4 @@
-"""What real time needs: a fair lock, work in the background, and a watch on the clock."""
+"""What real time needs: a fair lock, work in the background, a watch on the clock; and one thread for sums."""
 
 from __future__ import annotations
 
@@ -6,7 +6,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import wraps
 from types import TracebackType
+from typing import ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _MAX_LAG = 0.1  # seconds behind the frames, at least three of them at 30 a second
 _DRIFT = 1e-3  # seconds a second by which the camera's clock may run off ours
@@ -121,3 +128,14 @@ class Pace:
         self._least = min(late, self._least + _DRIFT * (timestamp - self._timestamp))
         self._timestamp = timestamp
         return late - self._least > _MAX_LAG
+
+
+def on_one_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """Let linear algebra in a function keep to one thread: with more its sums differ in the last bits."""
+
+    @wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        with threadpool_limits(1, "blas"):
+            return function(*args, **kwargs)
+
+    return limited
