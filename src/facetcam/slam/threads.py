@@ -1,4 +1,4 @@
-"""What real time needs: a fair lock, work in the background, a watch on the clock; and one thread for sums."""
+"""What real time needs: a fair lock, work in the background, a watch on the clock; one thread for sums."""
 
 from __future__ import annotations
 
