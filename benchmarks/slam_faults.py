@@ -26,6 +26,7 @@ COLUMNS = ("fault", "wheels", "tracked", "else said", "gap s", "back s", "ATE mm
 SECOND = 10  # frames
 SEEDS = 5
 FIRST_DARK = 40  # frame from which the lights may fail
+LATE = 100  # frame in which a person enters a view that was seen before
 WALK = 45  # frames in which a person passes a view
 
 
@@ -81,22 +82,43 @@ def covered(first: int) -> Fault:
     return Fault(f"lens covered from frame {first}", spoil, dark)
 
 
-def person(film: Film, view: int, share: float) -> Fault:
-    """Someone in patterned clothes who walks to and fro through one view and hides a share of its width."""
+@dataclass(frozen=True)
+class Intruder:
+    """Who comes before a view, in loud clothes or plain ones, and walks to and fro; a sticker stays."""
+
+    share: float  # of the view's width
+    enter: int = 0  # frame
+    clothes: str = "loud"  # or plain
+    walks: bool = True
+    seed: int = 0
+
+    def name(self, view: str) -> str:
+        who = ("person" if self.walks else "sticker") + (
+            " in plain clothes" if self.clothes == "plain" else ""
+        )
+        since = f" from frame {self.enter}" if self.enter else ""
+        return f"{who} before {100 * self.share:.0f} % of {view}{since}"
+
+
+def intrusion(film: Film, view: int, who: Intruder) -> Fault:
+    """Someone who walks to and fro through one view, or a sticker on it, and hides a share of its width."""
     _, columns = np.nonzero(film.labels == view)
     left, right = int(columns.min()), int(columns.max())
-    width = int(share * (right - left))
-    rng = np.random.default_rng(0)
-    clothes = cv2.resize(rng.integers(0, 256, (150, 200), dtype=np.uint8), film.images[0].shape[::-1])
+    width = int(who.share * (right - left))
+    rng = np.random.default_rng(who.seed)
+    threads = (150, 200) if who.clothes == "loud" else (12, 16)
+    clothes = cv2.resize(rng.integers(0, 256, threads, dtype=np.uint8), film.images[0].shape[::-1])
 
     def spoil(k: int, image: Image) -> Image:
-        way = abs((k / WALK) % 2.0 - 1.0)
+        if k < who.enter:
+            return image
+        way = abs(((k - who.enter) / WALK) % 2.0 - 1.0) if who.walks else 0.5
         x = int(left + way * (right - left - width))
         hidden = film.labels == view
         hidden[:, :x], hidden[:, x + width :] = False, False
         return np.where(hidden, np.roll(clothes, x, axis=1), image)
 
-    return Fault(f"person before {100 * share:.0f} % of {film.names[view]}", spoil)
+    return Fault(who.name(film.names[view]), spoil)
 
 
 def rolling_light(film: Film) -> Fault:
@@ -122,7 +144,8 @@ def faults(film: Film) -> Iterator[Fault]:
     yield from (blanked(film, pair, "black") for pair in combinations(views, 2))
     yield from (darkness(seed, n) for seed in range(SEEDS))
     yield covered(120)
-    yield from (person(film, v, share) for v, share in zip(views, (0.3, 0.4, 0.5, 0.6)))
+    yield from (intrusion(film, v, Intruder(share)) for v, share in zip(views, (0.3, 0.4, 0.5, 0.6)))
+    yield from (intrusion(film, v, Intruder(share, LATE)) for v, share in zip(views, (0.8, 0.7, 0.6, 0.8)))
     yield rolling_light(film)
     yield from (Fault(f"from frame {k}", untouched, first=k) for k in (100, 200))
     yield Fault("every 4th frame", untouched, step=4)

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_pairs
 
 from facetcam.geometry import se3
+from facetcam.slam.doubt import views_aside
 from facetcam.slam.epipolar import epipolar_error
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
-from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion, views_aside
+from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion
 
 Array = NDArray[np.float64]
 

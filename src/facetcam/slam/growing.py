@@ -109,6 +109,7 @@ class Grower:
         """Forget the map."""
         self._map.clear()
         self._places.clear()
+        self._mapper.denied = False
         self.scale_sigma, self._next_global = np.inf, _FIRST_GLOBAL
 
     def _settle(self) -> None:

@@ -9,6 +9,7 @@ from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.doubt import is_denied, views_aside
 from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.map import Keyframe, Map
@@ -16,7 +17,6 @@ from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import match_corners
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
-from facetcam.slam.two_frames import views_aside
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -35,6 +35,11 @@ class Mapper:
     config : SlamConfig
     corners : CornerFinder
     adjuster : Adjuster
+
+    Attributes
+    ----------
+    denied : bool
+        Most views contradict the motion that led to the last keyframe.
     """
 
     def __init__(
@@ -46,6 +51,7 @@ class Mapper:
         self._corners = corners
         self._adjuster = adjuster
         self.session = 0
+        self.denied = False
 
     def insert(
         self, frame: Frame, T_world_rig: Array, seen: Measurements, odometry: Array | None, gate: float
@@ -99,6 +105,7 @@ class Mapper:
         last = others[-1]
         pairs = match_corners(last.corners, keyframe.corners, self._config)
         T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
+        self.denied = is_denied(pairs, T_last_new, self._optics)
         keyframe.free &= ~np.isin(keyframe.corners.views, views_aside(pairs, T_last_new, self._optics))
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:

@@ -25,6 +25,8 @@ _SEARCH = 0.3  # of the frame's width
 _START_PARALLAX = 0.02  # radians
 _ROTATION_STEPS = 10
 _STILL = 1.0  # px by which pairs of a rig that stands may seem to move
+_IN_SIGHT = 0.2  # share of a view's corners matched, below which what it showed is out of sight
+_FEW = 20  # corners of a view that tell nothing of it
 
 
 @dataclass(slots=True)
@@ -40,6 +42,11 @@ class Pairs:
         """Pairs of corner rows."""
         return cls(a.views[rows_a], a.plane[rows_a], b.plane[rows_b])
 
+    @classmethod
+    def none(cls) -> Pairs:
+        """No pairs."""
+        return cls(np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 2)))
+
     def __len__(self) -> int:
         return len(self.views)
 
@@ -51,6 +58,14 @@ class Pairs:
     def move(self) -> NDArray[np.bool_]:
         """Pairs (N,) that are not at the same place in both frames."""
         return np.asarray(np.linalg.norm(self.plane_b - self.plane_a, axis=1) > _STILL)
+
+    def stand(self, T_a_b: Array, optics: Optics) -> NDArray[np.bool_]:
+        """Pairs (N,) at the same place in both frames, though a motion's turn moves even what is far away."""
+        turns = (optics.T_view_rig @ se3.inverse(T_a_b) @ optics.T_rig_view)[self.views, :3, :3]
+        a = np.column_stack([self.plane_a / optics.focal, np.ones(len(self))])
+        far = np.einsum("nij,nj->ni", turns, a)
+        moved = np.linalg.norm(optics.focal * far[:, :2] / far[:, 2:] - self.plane_a, axis=1)
+        return np.asarray((moved > 2.0 * _STILL) & ~self.move())
 
     def fit(self, T_a_b: Array, optics: Optics) -> NDArray[np.bool_]:
         """Pairs (N,) that a motion explains; (K, N) for K motions."""
@@ -108,3 +123,10 @@ def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
     )
     rows = np.flatnonzero(hits >= 0)
     return Pairs.of(a, rows, b, hits[rows].astype(np.int64))
+
+
+def in_sight(a: Corners, pairs: Pairs) -> bool:
+    """Tell whether most views still show what they did: one that is frozen or full of people counts once."""
+    corners, matched = (np.bincount(views, minlength=128) for views in (a.views, pairs.views))
+    rows = corners >= _FEW
+    return bool(rows.any() and np.median(matched[rows] / corners[rows]) >= _IN_SIGHT)

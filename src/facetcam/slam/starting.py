@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.doubt import views_aside
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs, match_corners
+from facetcam.slam.pairs import Pairs, in_sight, match_corners
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
@@ -26,13 +27,15 @@ from facetcam.slam.two_frames import (
     confirmed_motion,
     enough_parallax,
     estimate_motion,
-    views_aside,
+    standing_views,
 )
+from facetcam.slam.witnesses import shares
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _MAX_WAITING = 40
-_IN_SIGHT = 0.25  # share of corners matched, below which the first frame can no longer start the map
+_LONG = 8  # waiting frames from which the middle one is tried as the first, too
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
 
@@ -85,22 +88,41 @@ class Starter:
 
     def offer(self, frame: Frame, odometry: Array | None) -> Start | None:
         """Take one more frame; returns the start once there is one."""
-        new = Waiting(frame, odometry)
-        self._waiting.append(new)
+        self._waiting.append(Waiting(frame, odometry))
+        showing = self._showing()
         while len(self._waiting) > 1:
-            first = self._waiting[0]
-            pairs = match_corners(self._corners(first.frame), self._corners(frame), self._config)
-            for T_first_new in self._motions(first, new, pairs):
-                start = self._first_map(first, new, T_first_new)
-                if start is not None:
-                    return start
-            in_sight = len(pairs) >= max(MIN_MATCHES, _IN_SIGHT * len(self._corners(first.frame)))
-            if in_sight and len(self._waiting) <= _MAX_WAITING:
+            pairs = self._pairs(0)
+            start = self._start(0, pairs, showing)
+            if start is not None:
+                return start
+            usable = len(pairs) >= MIN_MATCHES and in_sight(self._corners(self._waiting[0].frame), pairs)
+            if usable and len(self._waiting) <= _MAX_WAITING:
                 break
             self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]
+        middle = len(self._waiting) // 2
+        return self._start(middle, self._pairs(middle), showing) if len(self._waiting) >= _LONG else None
+
+    def _pairs(self, row: int) -> Pairs:
+        """Corners of a waiting frame that are found in the last one."""
+        a, b = (self._corners(self._waiting[r].frame) for r in (row, -1))
+        return match_corners(a, b, self._config)
+
+    def _showing(self) -> Index:
+        """Views with something to follow: what they show is found again in the next frame."""
+        pairs = self._pairs(-2) if len(self._waiting) > 1 else Pairs.none()
+        return shares(pairs.views, pairs.move())[0]
+
+    def _start(self, row: int, pairs: Pairs, showing: Index) -> Start | None:
+        """Start a map from a waiting frame and the last one, if they can."""
+        passed, waiting = [*self._passed, *self._waiting[:row]], self._waiting[row:]
+        for T_first_new in self._motions(waiting[0], waiting[-1], pairs, showing):
+            start = self._first_map(passed, waiting, T_first_new)
+            if start is not None:
+                self._waiting, self._passed = [], []
+                return start
         return None
 
-    def _motions(self, first: Waiting, new: Waiting, pairs: Pairs) -> Iterator[Array]:
+    def _motions(self, first: Waiting, new: Waiting, pairs: Pairs, showing: Index) -> Iterator[Array]:
         """Motions with which a map may start: that of the wheels, then that of the images alone."""
         if first.odometry is not None and new.odometry is not None:
             wheels = planar_motion(first.odometry, new.odometry, 0.0)[0]
@@ -108,30 +130,31 @@ class Starter:
             a, b = self._corners(first.frame), self._corners(new.frame)
             if T is not None:
                 aside = views_aside(pairs, T, self._optics)
-                if enough_parallax(a, b, T, self._optics, self._config, aside):
+                several = len(np.setdiff1d(showing, aside)) > 1
+                if enough_parallax(a, b, T, self._optics, self._config, aside, several):
                     yield T
                 elif np.linalg.norm(T[:3, 3]) > STANDING:
                     return  # both say the same, and too little yet
-        seen = estimate_motion(pairs, self._optics)
+        seen = estimate_motion(pairs, self._optics, len(np.setdiff1d(showing, standing_views(pairs))) > 1)
         if seen is not None:
             yield seen
 
-    def _first_map(self, first: Waiting, new: Waiting, T_first_new: Array) -> Start | None:
+    def _first_map(self, passed: list[Waiting], waiting: list[Waiting], T_first_new: Array) -> Start | None:
         """Make two keyframes and try the map on the frames between them; forget it where it fails."""
+        first, new = waiting[0], waiting[-1]
         origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
         a = self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, START_GATE)
         b = self._mapper.insert(
             new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE
         )
         self._mapper.seek_scale()
-        solved, share = self._between(a, b)
+        solved, share = self._between(a, b, waiting)
         if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
-        solved += self._before(a)
-        before = self._waiting[-2].frame.timestamp
+        solved += self._before(a, passed)
+        before = waiting[-2].frame.timestamp
         T_step = se3.inverse(_interpolated(a, b, before)) @ b.T_world_rig
-        self._waiting, self._passed = [], []
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
 
     def _too_few_or_far(self, a: Keyframe) -> bool:
@@ -139,26 +162,28 @@ class Starter:
         distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
         return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
 
-    def _between(self, a: Keyframe, b: Keyframe) -> tuple[list[tuple[float, Array]], float]:
+    def _between(
+        self, a: Keyframe, b: Keyframe, waiting: list[Waiting]
+    ) -> tuple[list[tuple[float, Array]], float]:
         """Poses of the frames between the first keyframes, and the share of these frames that fit."""
         solved = []
-        for waiting in self._waiting[1:-1]:
-            time = waiting.frame.timestamp
-            fix = self._tracker.find(waiting.frame, _interpolated(a, b, time))
+        for between in waiting[1:-1]:
+            time = between.frame.timestamp
+            fix = self._tracker.find(between.frame, _interpolated(a, b, time))
             if _is_clear(fix):
                 solved.append((time, fix.T_world_rig))
-        return solved, len(solved) / max(len(self._waiting) - 2, 1) if len(self._waiting) > 2 else 1.0
+        return solved, len(solved) / (len(waiting) - 2) if len(waiting) > 2 else 1.0
 
-    def _before(self, a: Keyframe) -> list[tuple[float, Array]]:
+    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Array]]:
         """Poses of the frames that were left behind, from the first keyframe backwards."""
         solved = []
         T = a.T_world_rig
-        for waiting in reversed(self._passed):
-            fix = self._tracker.find(waiting.frame, T)
+        for before in reversed(passed):
+            fix = self._tracker.find(before.frame, T)
             if not _is_clear(fix):
                 break
             T = fix.T_world_rig
-            solved.append((waiting.frame.timestamp, T))
+            solved.append((before.frame.timestamp, T))
         return solved
 
 

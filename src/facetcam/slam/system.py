@@ -129,6 +129,8 @@ class Slam:
                 return State(timestamp, Status.DROPPED, metric=self.metric, scale_sigma=self.scale_sigma)
             if not self._checking.busy:
                 self._checking.run(lambda: self._check_rig(frame))
+            if self._parts.mapper.denied and self._young:
+                self._forget()
             state = self._follow(frame, wheels) if self._map.keyframes else self._start(frame, wheels)
             self._motion.odometry = wheels
             tracked = state.T_world_rig if state.status is Status.TRACKING else None
@@ -185,9 +187,9 @@ class Slam:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._motion.lose(odometry, self.odometry_check.agrees)
         self._trust.lose()
-        young = len(self._map.keyframes) < _YOUNG and not self._continued
-        if self._motion.lost_frames > _PATIENCE and young:
-            return self._start_again(frame, odometry)
+        if self._motion.lost_frames > _PATIENCE and self._young:
+            self._forget()
+            return self._start(frame, odometry)
         with self._map.lock:
             last = self._map.keyframes[-1]
             T = self._motion.roll(frame.timestamp, odometry, self.config.odometry_sigma, last)
@@ -196,12 +198,15 @@ class Slam:
         covariance = self._motion.covariance
         return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
 
-    def _start_again(self, frame: Frame, odometry: Array | None) -> State:
+    @property
+    def _young(self) -> bool:
+        return len(self._map.keyframes) < _YOUNG and not self._continued
+
+    def _forget(self) -> None:
         """A map that fails this early was wrong: forget it with its poses."""
         self._mapping.wait()
         self._grower.start_again()
         self._motion.forget()
-        return self._start(frame, odometry)
 
     def _start(self, frame: Frame, odometry: Array | None) -> State:
         """Wait for two frames that can start the map."""

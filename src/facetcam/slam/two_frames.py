@@ -37,20 +37,23 @@ _MOST_STRETCHED = 2.0  # factor of its length
 
 
 def enough_parallax(
-    a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig, aside: Index
+    a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig, aside: Index, several: bool
 ) -> bool:
-    """Tell whether two frames with a known motion can start a map without the views set `aside`."""
+    """Tell whether two frames with a known motion can start a map without the views set `aside`.
+
+    Where `several` views could tell, more than one must show it.
+    """
     rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
     rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
-    return bool(Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE).sum() >= MIN_MATCHES)
+    good = Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE)
+    return good.sum() >= MIN_MATCHES and _borne_out(good, several)
 
 
-def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
-    """Views that contradict a motion, or stand in it, unless all do."""
-    witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
-    moving = shares(pairs.views, pairs.move())[1]
-    aside = witnesses[(fitting < _AGREEING) | (moving < _MOVING)]
-    return aside if len(aside) < len(witnesses) else aside[:0]
+def _borne_out(good: Index, several: bool) -> bool:
+    """A wall close to one view is a plane, which leaves a motion ambiguous, and a person before it moves by
+    himself: another view must bear it out, if there is one that could.
+    """
+    return not several or bool(good.sum() - good.max() >= MIN_VIEW_MATCHES)
 
 
 def standing_views(pairs: Pairs) -> Index:
@@ -62,11 +65,12 @@ def standing_views(pairs: Pairs) -> Index:
     return np.empty(0, np.int64) if standing is None else standing
 
 
-def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
+def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Array | None:
     """Motion `T_a_b` between two frames from their corners alone, or None where they cannot tell.
 
     Each view proposes a rotation and a direction (PoseLib, five points), to which the length is added with
     which all views agree best; the proposal that most views bear out wins, without the views that deny it.
+    `several` tells that more than one view has something to show, though it may not be found again here.
     """
     pairs = pairs.without(standing_views(pairs))
     if len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
@@ -78,9 +82,7 @@ def estimate_motion(pairs: Pairs, optics: Optics) -> Array | None:
     if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
-    # A wall close to one view is a plane, which leaves the motion ambiguous: another view must bear it out.
-    several = np.sum(np.bincount(pairs.views) >= MIN_VIEW_MATCHES) > 1
-    borne_out = not several or good.sum() - good.max() >= MIN_VIEW_MATCHES
+    borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
     fitting = float(np.mean(agreeing.fit(best, optics)))
     return best if fitting > _FITTING and good.sum() >= MIN_MATCHES and borne_out else None
 
@@ -114,12 +116,14 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
     best = polished[int(np.argmax(fitting))]
     against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
     if against is None or len(against) or not _much_alike(best, T_a_b):
-        pairs, best = _borne_out(pairs, T_a_b, optics)
-    share = float(np.mean(pairs.fit(best, optics)))
-    return best if share > _CONFIRMING and _much_alike(best, T_a_b) else None
+        pairs, best = _suiting_most(pairs, T_a_b, optics)
+    fits = pairs.fit(best, optics)
+    by_view = shares(pairs.views, fits)[1]
+    confirmed = fits.mean() > _CONFIRMING and 2 * np.sum(by_view < _AGREEING) <= len(by_view)
+    return best if confirmed and _much_alike(best, T_a_b) else None
 
 
-def _borne_out(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
+def _suiting_most(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
     """Where views contradict each other: what one of them makes of a motion and most of them bear out."""
     proposals = [T_a_b]
     for view in shares(pairs.views, pairs.move())[0]:
