@@ -15,7 +15,8 @@ Index = NDArray[np.int64]
 
 _AGREEING = 0.5  # share of a view's pairs, below which it contradicts a motion
 _STANDING = 0.5  # and above which it stands where the turn alone should have moved it
-_ANOTHER = 0.8  # share of their pairs by which views agree on another motion
+_SURE = 0.8  # and above which it agrees with it beyond doubt
+_BETTER = 0.2  # by which another motion's share is larger
 
 
 def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
@@ -27,13 +28,14 @@ def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
 
 
 def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
-    """Tell whether most views contradict a motion and agree on another one."""
+    """Tell whether another motion explains what more views show, and far better, than this one does."""
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
-    against = witnesses[fitting < _AGREEING]
-    if len(against) < 2 or 2 * len(against) <= len(witnesses):
+    doubters = witnesses[fitting < _SURE]
+    others = pairs.without(np.setdiff1d(np.unique(pairs.views), doubters))
+    another = joint_motion(others, view_motions(others, optics), optics) if len(doubters) > 1 else None
+    if another is None:
         return False
-    others = pairs.without(np.setdiff1d(np.unique(pairs.views), against))
-    another = joint_motion(others, view_motions(others, optics), optics)
-    return another is not None and bool(
-        np.all(shares(others.views, others.fit(another, optics))[1] > _ANOTHER)
-    )
+    otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
+    against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER
+    clearly = bool(np.all(otherwise[against] > _SURE))
+    return clearly and against.sum() >= 2 and against.sum() > in_favour.sum()

@@ -1,0 +1,105 @@
+"""Views that lie: each counts once, however many corners it has."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from slam_worlds import folded, spoiled, true_pairs
+
+from facetcam.geometry import se3
+from facetcam.slam.doubt import is_denied, views_aside
+from facetcam.slam.frame import Corners
+from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import Pairs, in_sight
+from facetcam.slam.two_frames import confirmed_motion, estimate_motion
+
+Array = NDArray[np.float64]
+
+MOTION = se3.exp([0.0, 0.0, 0.12, 0.05, 0.3, 0.0])
+ANOTHER = MOTION @ se3.exp([0.0, 0.0, -0.3, 0.3, -0.2, 0.0])
+STRAIGHT = se3.exp([0.0, 0.0, 0.0, 0.0, 0.03, 0.0])
+
+
+@pytest.fixture(scope="module")
+def ryu() -> Optics:
+    return Optics(folded(), 8.0)
+
+
+def joined(*parts: Pairs) -> Pairs:
+    return Pairs(*(np.concatenate([getattr(p, n) for p in parts]) for n in ("views", "plane_a", "plane_b")))
+
+
+def only(pairs: Pairs, views: list[int]) -> Pairs:
+    return pairs.without(np.setdiff1d(np.arange(4), views))
+
+
+def thinned(pairs: Pairs, step: int) -> Pairs:
+    return Pairs(pairs.views[::step], pairs.plane_a[::step], pairs.plane_b[::step])
+
+
+def world(optics: Optics, liars: list[int], seed: int) -> Pairs:
+    """Noisy pairs of a motion, with views full of what moves by itself."""
+    rng = np.random.default_rng([61, seed])
+    true, lie = (spoiled(true_pairs(optics, T, rng), optics, rng, 0.05, 0.3) for T in (MOTION, ANOTHER))
+    return joined(true.without(np.array(liars)), only(lie, liars))
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_motion_that_one_view_tells_is_denied_by_the_others(ryu: Optics, view: int) -> None:
+    pairs = world(ryu, [view], view)
+    assert is_denied(pairs, ANOTHER, ryu)
+    assert not is_denied(pairs, MOTION, ryu)
+
+
+def test_views_whose_pairs_are_chance_deny_nothing(ryu: Optics) -> None:
+    rng = np.random.default_rng(62)
+    pairs = true_pairs(ryu, MOTION, rng)
+    chance = only(spoiled(pairs, ryu, rng, 1.0, 0.3), [0, 1, 2])
+    assert not is_denied(joined(only(pairs, [3]), chance), MOTION, ryu)
+
+
+def test_one_view_against_one_denies_nothing(ryu: Optics) -> None:
+    assert not is_denied(only(world(ryu, [1], 5), [0, 1]), ANOTHER, ryu)
+
+
+def test_a_view_full_of_pairs_does_not_outvote_two_that_have_few(ryu: Optics) -> None:
+    """Wheels that say what a person in one view seems to confirm are not confirmed."""
+    pairs = world(ryu, [0], 6)
+    few = thinned(only(pairs, [1, 2]), 6)
+    many = joined(*4 * [only(pairs, [0])], few)
+    assert np.mean(many.fit(ANOTHER, ryu)) > 0.8
+    wheels = ANOTHER @ se3.exp([0.0, 0.0, 0.01, 0.0, 0.0, 0.0])
+    assert confirmed_motion(many, wheels, ryu) is None
+
+
+def test_one_view_starts_no_map_where_another_was_followed_just_now(ryu: Optics) -> None:
+    alone = only(true_pairs(ryu, MOTION, np.random.default_rng(63)), [0])
+    assert estimate_motion(alone, ryu) is not None
+    assert estimate_motion(alone, ryu, several=True) is None
+
+
+def stood(pairs: Pairs, view: int) -> Pairs:
+    b = np.where((pairs.views == view)[:, None], pairs.plane_a, pairs.plane_b)
+    return Pairs(pairs.views, pairs.plane_a, b)
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_only_what_a_turn_should_have_moved_stands_wrongly(ryu: Optics, view: int) -> None:
+    rng = np.random.default_rng([64, view])
+    assert views_aside(stood(true_pairs(ryu, MOTION, rng), view), MOTION, ryu).tolist() == [view]
+    assert not len(views_aside(stood(true_pairs(ryu, STRAIGHT, rng), view), STRAIGHT, ryu))
+
+
+def corners_of(pairs: Pairs) -> Corners:
+    return Corners(pairs.plane_a, pairs.views, pairs.plane_a, np.empty((len(pairs), 32), np.uint8))
+
+
+def test_a_frozen_view_keeps_no_frame_in_sight(ryu: Optics) -> None:
+    """Three views have lost nearly all they showed; the fourth, with most corners, still shows it all."""
+    pairs = true_pairs(ryu, MOTION, np.random.default_rng(65))
+    full = joined(*5 * [only(pairs, [2])], pairs.without(np.array([2])))
+    frozen = joined(*5 * [only(pairs, [2])], thinned(pairs.without(np.array([2])), 20))
+    assert len(frozen) > 0.5 * len(full)
+    assert in_sight(corners_of(full), full)
+    assert not in_sight(corners_of(full), frozen)
