@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 PATCH_SIZE = 39
+_YOUNG = 8  # keyframes
 _CAPACITY = 1024  # points at first; doubled when full
 
 
@@ -157,6 +158,11 @@ class Map:
         self.points = Points()
         self.keyframes: list[Keyframe] = []
         self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
+
+    @property
+    def young(self) -> bool:
+        """True while a map that fails is rather wrong, and given up."""
+        return len(self.keyframes) < _YOUNG
 
     def poses(self) -> Array:
         """Poses (K, 4, 4) of the keyframes."""

@@ -39,7 +39,7 @@ class Mapper:
     Attributes
     ----------
     denied : bool
-        Most views contradict the motion that led to the last keyframe.
+        More views contradict the motion that led to the last keyframe of a young map than bear it out.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class Mapper:
         last = others[-1]
         pairs = match_corners(last.corners, keyframe.corners, self._config)
         T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
-        self.denied = is_denied(pairs, T_last_new, self._optics)
+        self.denied = self._map.young and is_denied(pairs, T_last_new, self._optics)
         keyframe.free &= ~np.isin(keyframe.corners.views, views_aside(pairs, T_last_new, self._optics))
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:

@@ -36,6 +36,7 @@ Index = NDArray[np.int64]
 
 _MAX_WAITING = 40
 _LONG = 8  # waiting frames from which the middle one is tried as the first, too
+_LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
 
@@ -115,22 +116,23 @@ class Starter:
     def _start(self, row: int, pairs: Pairs, showing: Index) -> Start | None:
         """Start a map from a waiting frame and the last one, if they can."""
         passed, waiting = [*self._passed, *self._waiting[:row]], self._waiting[row:]
-        for T_first_new in self._motions(waiting[0], waiting[-1], pairs, showing):
+        for T_first_new in self._motions(waiting, pairs, showing):
             start = self._first_map(passed, waiting, T_first_new)
             if start is not None:
                 self._waiting, self._passed = [], []
                 return start
         return None
 
-    def _motions(self, first: Waiting, new: Waiting, pairs: Pairs, showing: Index) -> Iterator[Array]:
+    def _motions(self, waiting: list[Waiting], pairs: Pairs, showing: Index) -> Iterator[Array]:
         """Motions with which a map may start: that of the wheels, then that of the images alone."""
+        first, new = waiting[0], waiting[-1]
         if first.odometry is not None and new.odometry is not None:
             wheels = planar_motion(first.odometry, new.odometry, 0.0)[0]
             T = confirmed_motion(pairs, wheels, self._optics)
             a, b = self._corners(first.frame), self._corners(new.frame)
             if T is not None:
                 aside = views_aside(pairs, T, self._optics)
-                several = len(np.setdiff1d(showing, aside)) > 1
+                several = len(np.setdiff1d(showing, aside)) > 1 and len(waiting) < _LASTING
                 if enough_parallax(a, b, T, self._optics, self._config, aside, several):
                     yield T
                 elif np.linalg.norm(T[:3, 3]) > STANDING:

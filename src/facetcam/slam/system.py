@@ -33,7 +33,6 @@ from facetcam.slam.uncertainty import pose_covariance
 
 Array = NDArray[np.float64]
 
-_YOUNG = 8  # keyframes below which a map that was lost is given up
 _PATIENCE = 10  # lost frames
 
 
@@ -200,7 +199,7 @@ class Slam:
 
     @property
     def _young(self) -> bool:
-        return len(self._map.keyframes) < _YOUNG and not self._continued
+        return self._map.young and not self._continued
 
     def _forget(self) -> None:
         """A map that fails this early was wrong: forget it with its poses."""
