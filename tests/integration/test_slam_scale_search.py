@@ -39,4 +39,22 @@ def test_a_map_of_the_wrong_scale_is_found_out_and_mended() -> None:
         mapper.seek_scale()
         adjuster.adjust_all(last=True)
         assert abs(scale_error(map.poses()[:, :3, 3], true)) < 0.03
+    handovers = mapper.handovers
+    for factor in (
+        0.85,
+        1.15,
+    ):  # chosen sightings cannot hold a wrong scale: those sought at all scales deny it
+        rescale(map, factor, slam._parts.optics)
+        adjuster.adjust_coarsely()
+        for keyframe in map.keyframes:
+            if keyframe.frame is not None:
+                handovers.seek(keyframe)
+        evidence = handovers.evidence()
+        wrong = scale_error(map.poses()[:, :3, 3], true)
+        assert evidence.points > 100 and evidence.tested(0.002) == np.inf
+        assert abs(evidence.stretch + np.log1p(wrong)) < 0.03
+        handovers.take_up()
+        adjuster.adjust_all(last=True)
+        assert abs(scale_error(map.poses()[:, :3, 3], true)) < 0.03
+        assert np.isfinite(handovers.evidence().tested(adjuster.judge()))
     assert better_scale(found_elsewhere(map, adjuster.window, slam._parts.optics, slam.config)) is None

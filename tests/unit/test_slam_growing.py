@@ -17,6 +17,7 @@ from facetcam.slam.loops import LoopCloser
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements
 from facetcam.slam.pose import Pose
+from facetcam.slam.scale_evidence import Evidence
 from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
 
@@ -27,6 +28,7 @@ class Stub:
     """Stands for a part; whatever it is asked, it returns what it was given."""
 
     indexed = 0
+    handovers: Stub
 
     def __init__(self, **answers: Any) -> None:
         for name, answer in answers.items():
@@ -72,6 +74,7 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(loops, "relax", watched)
     mapper = Stub(insert=map.keyframes[-1])
+    mapper.handovers = Stub(take_up=None, evidence=Evidence.none())
     adjuster = Stub(adjust_coarsely=None, adjust_all=None, judge=0.001)
     grower = Grower(map, Stub(add=None), mapper, adjuster, closer, config)  # type: ignore[arg-type]
     grower.scale_sigma = 0.001

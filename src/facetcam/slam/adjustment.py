@@ -69,6 +69,8 @@ class Adjuster:
 
     def adjust_coarsely(self) -> None:
         """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
+        if len(self._map.keyframes) < 2:
+            return
         everything = self._map.observed_points(self._map.keyframes)
         for loss in _COARSE_LOSSES:
             self._adjust(self._map.keyframes, 1, everything, _GLOBAL_STOP, loss)

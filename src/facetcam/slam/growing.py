@@ -34,7 +34,7 @@ class Grower:
     Attributes
     ----------
     scale_sigma : float
-        Relative standard deviation of the map's scale, inf where the images cannot tell it.
+        Relative standard deviation of the map's scale, inf where the images cannot tell it or deny it.
     loops : int
         Closed in this run.
     """
@@ -54,7 +54,7 @@ class Grower:
         self._adjuster = adjuster
         self._closer = closer
         self._config = config
-        self.scale_sigma = np.inf
+        self.scale_sigma = self._tested = np.inf  # of the map, and of an earlier run's
         self.loops = 0
         self._next_global = _FIRST_GLOBAL
 
@@ -88,6 +88,9 @@ class Grower:
         """
         if not self.metric:
             self._mapper.seek_scale()
+        self._mapper.handovers.take_up()
+        if last:
+            self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
         for _ in range(_LAST_ROUNDS if last else 1):
             readout = self._map.readout
             self._adjuster.adjust_all(last)
@@ -98,11 +101,12 @@ class Grower:
 
     def judge(self) -> None:
         """Tell how well the map, as it is now, knows its scale."""
-        self.scale_sigma = self._adjuster.judge()
+        evidence = self._mapper.handovers.evidence()
+        self.scale_sigma = evidence.tested(self._adjuster.judge(), self._tested)
 
     def go_on(self, scale_sigma: float) -> None:
         """Grow from a map of an earlier run."""
-        self.scale_sigma = scale_sigma
+        self.scale_sigma = self._tested = scale_sigma
         self._settle()
 
     def start_again(self) -> None:
@@ -110,7 +114,8 @@ class Grower:
         self._map.clear()
         self._places.clear()
         self._mapper.denied = False
-        self.scale_sigma, self._next_global = np.inf, _FIRST_GLOBAL
+        self.scale_sigma = self._tested = np.inf
+        self._next_global = _FIRST_GLOBAL
 
     def _settle(self) -> None:
         self._next_global = int(_GLOBAL_GROWTH * len(self._map.keyframes)) + 1

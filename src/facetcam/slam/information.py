@@ -56,12 +56,7 @@ def information(
 ) -> Information:
     """Reduce a bundle to its poses and, where `known` names them, the rig's numbers."""
     K, P, M = len(bundle.T_world_rig), len(bundle.points), len(bundle.frame)
-    residual, J, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
-    for k, T in enumerate(bundle.T_world_rig):
-        rows = bundle.frame == k
-        points = bundle.points[bundle.point[rows]]
-        residual[rows], J[rows] = linearise(T, points, bundle.view[rows], bundle.plane[rows], optics)
-        by_point[rows] = -J[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
+    residual, J, by_point = linearise_all(bundle, bundle.points[bundle.point], optics)
     weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
     variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum()))
     # All measurements of a point come from one reference patch: they count as one, not as many.
@@ -88,6 +83,26 @@ def information(
         rig_gradient=rig_gradient[:-1] - g / h * w,
         shutter=Shutter(u, h, g),
     )
+
+
+def linearise_all(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Array, Array]:
+    """Residuals of the observations of a bundle, of points at `xyz` (M, 3), and their derivatives.
+
+    Returns
+    -------
+    residual : (M, 2) array
+        Pixels on the ideal pinholes.
+    by_pose : (M, 2, 6) array
+        By right-hand twists of the frames.
+    by_point : (M, 2, 3) array
+    """
+    M = len(bundle.frame)
+    residual, by_pose, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
+    for k, T in enumerate(bundle.T_world_rig):
+        rows = bundle.frame == k
+        residual[rows], by_pose[rows] = linearise(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
+        by_point[rows] = -by_pose[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
+    return residual, by_pose, by_point
 
 
 def rig_derivatives(bundle: Bundle, optics: Optics, known: RigCovariance) -> Array:

@@ -51,6 +51,23 @@ class Observations:
         return np.isin(point * 128 + view, self.point * 128 + self.view)
 
 
+@dataclass(frozen=True, slots=True)
+class HandedOver:
+    """Where points that one view, their `home`, has mapped were found in another, at whatever scale."""
+
+    point: Index = field(default_factory=lambda: np.empty(0, np.int64))
+    home: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    view: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))
+    pixels: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+    def take(self, rows: NDArray[np.generic]) -> HandedOver:
+        """Some of the rows."""
+        return HandedOver(self.point[rows], self.home[rows], self.view[rows], self.pixels[rows])
+
+
 @dataclass(slots=True)
 class Keyframe:
     """A frame that stays: its pose, observations and corners; its images only while it is in the window.
@@ -69,6 +86,7 @@ class Keyframe:
     measured: int = 0  # points tracked when it was made
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
     covariance: Array | None = None  # (6, 6) against the first keyframe, since the map was last judged
+    handovers: HandedOver = field(default_factory=HandedOver)
     session: int = 0  # the run that made it; wheels and window do not reach over runs
     velocity: Array = field(default_factory=lambda: np.zeros(6))  # right-hand twist a second
 

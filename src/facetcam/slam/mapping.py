@@ -12,6 +12,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import is_denied, views_aside
 from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import CornerFinder, Corners, Frame
+from facetcam.slam.handovers import Handovers
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _OCCUPIED = 5.0  # px round an observed point in which no new one is made
+_UNTOLD = 3  # times as many images as the window's are kept until hand-overs tell the scale
 _PARTNERS = 4  # keyframes against which a new one is triangulated
 
 
@@ -50,6 +52,7 @@ class Mapper:
         self._config = config
         self._corners = corners
         self._adjuster = adjuster
+        self.handovers = Handovers(map, optics, config, adjuster)
         self.session = 0
         self.denied = False
 
@@ -187,5 +190,9 @@ class Mapper:
                     self._refind(keyframe, other)
 
     def _forget_images(self) -> None:
-        for keyframe in self._map.keyframes[: -self._config.window]:
-            keyframe.frame = None
+        """Only the window needs them, and a map whose scale has not been told yet."""
+        kept = self._config.window * (1 if self.handovers.tell else _UNTOLD)
+        for keyframe in self._map.keyframes[:-kept]:
+            if keyframe.frame is not None:
+                self.handovers.seek(keyframe)
+                keyframe.frame = None

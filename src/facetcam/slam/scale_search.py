@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Keyframe, Map, Points
+from facetcam.slam.map import Keyframe, Map, Observations, Points
 from facetcam.slam.measure import measure, predict
 from facetcam.slam.optics import Optics
+from facetcam.slam.scale_evidence import home_views
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -28,27 +29,28 @@ _LEAST_FOUND = 30
 _PEAK = 0.8  # of the best count
 
 
-def first_sights(map: Map) -> tuple[NDArray[np.int8], Index]:
-    """View (N,) and keyframe (N,) that saw each map point first, -1 where none did."""
-    views, keyframes = np.full(len(map.points), -1, np.int8), np.full(len(map.points), -1)
+def homes(map: Map) -> tuple[NDArray[np.int8], Index]:
+    """View (N,) that saw each map point most, and the first keyframe in which it did; -1 where none did."""
+    seen = [Observations(), *(k.observations for k in map.keyframes)]
+    point, view = np.concatenate([s.point for s in seen]), np.concatenate([s.view for s in seen])
+    views, first = home_views(view, point, len(map.points)), np.full(len(map.points), -1)
     for keyframe in reversed(map.keyframes):
-        seen = keyframe.observations
-        views[seen.point[::-1]] = seen.view[::-1]
-        keyframes[seen.point] = keyframe.index
-    return views, keyframes
+        at_home = keyframe.observations.view == views[keyframe.observations.point]
+        first[keyframe.observations.point[at_home]] = keyframe.index
+    return views, first
 
 
 def found_elsewhere(map: Map, keyframes: list[Keyframe], optics: Optics, config: SlamConfig) -> Array:
-    """How many points (F,) are found in other views than the one that saw them first, at each of the factors.
+    """How many points (F,) are found in other views than the one that saw them most, at each of the factors.
 
     Seen from the view that mapped it, a point of another scale lies elsewhere on the same ray.
     """
-    views, counts = first_sights(map)[0], np.zeros(len(_FACTORS))
+    views, counts = homes(map)[0], np.zeros(len(_FACTORS))
     for keyframe in [k for k in keyframes if k.frame is not None][-_KEYFRAMES:]:
         ids = map.observed_points([keyframe])
         ids = ids[:: 1 + len(ids) // _POINTS]
         for i, factor in enumerate(_FACTORS):
-            points = _scaled(map.points, ids, views, keyframe, float(factor), optics)
+            points = scaled(map.points, ids, views, keyframe, float(factor), optics)
             expected = predict(points, ids, keyframe.T_world_rig, optics)
             expected = expected.take(expected.view != views[expected.point])
             assert keyframe.frame is not None
@@ -58,10 +60,10 @@ def found_elsewhere(map: Map, keyframes: list[Keyframe], optics: Optics, config:
     return counts
 
 
-def _scaled(
+def scaled(
     points: Points, ids: Index, views: NDArray[np.int8], keyframe: Keyframe, factor: float, optics: Optics
 ) -> Points:
-    """The points, some of them at another distance from the views that saw them first."""
+    """The map's points, some of them at another distance from the views that saw them most."""
     moved = copy.copy(points)
     moved.xyz, moved.tangent = points.xyz.copy(), points.tangent * factor
     centres = se3.transform(keyframe.T_world_rig, optics.origins(views[ids]))
@@ -80,8 +82,8 @@ def better_scale(counts: Array) -> float | None:
 
 
 def rescale(map: Map, factor: float, optics: Optics) -> None:
-    """Scale a map about its first keyframe; only sightings in the views that saw points first are kept."""
-    views, first = first_sights(map)
+    """Scale a map about its first keyframe; only sightings in the views that saw points most are kept."""
+    views, first = homes(map)
     origin = map.keyframes[0].T_world_rig[:3, 3]
     for keyframe in map.keyframes:
         rows = np.flatnonzero(first == keyframe.index)

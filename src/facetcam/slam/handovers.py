@@ -1,0 +1,144 @@
+"""Hand-overs: what one view has mapped, sought in the others whatever the scale of the map may be.
+
+A map of a wrong scale keeps the few sightings in other views that happen to fit it, and these confirm it.
+What is sought over a range of scales, and kept wherever it is found, cannot be chosen by the scale.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.map import HandedOver, Keyframe, Map
+from facetcam.slam.measure import measure, predict
+from facetcam.slam.optics import Optics
+from facetcam.slam.scale_evidence import LARGEST, Evidence, scale_evidence
+from facetcam.slam.scale_search import homes, rescale, scaled
+from facetcam.slam.shutter import sweep
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+_FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 13)).tolist()  # patches are drawn in over the steps between
+_FEW_FACTORS = _FACTORS[::3]
+_NEAR = 6  # keyframes before and after, whose points are sought
+_ONE_PLACE = 1.0  # px
+_LEAST_FINDS = 2  # scales from which a point must be found at its place
+_LEAST_POINTS = 30  # that must bear another scale out before the map goes over to it
+
+
+class Handovers:
+    """Seeks hand-overs in keyframes, and tells what they say of the map's scale.
+
+    Parameters
+    ----------
+    map : Map
+    optics : Optics
+    config : SlamConfig
+    adjuster : Adjuster
+
+    Attributes
+    ----------
+    tell : bool
+        Whether they told a scale when they were asked last.
+    """
+
+    def __init__(self, map: Map, optics: Optics, config: SlamConfig, adjuster: Adjuster) -> None:
+        self._map = map
+        self._optics = optics
+        self._config = config
+        self._adjuster = adjuster
+        self.tell = False
+
+    def seek(self, keyframe: Keyframe) -> None:
+        """Look for the points of the keyframes around one in those of its views that did not map them."""
+        assert keyframe.frame is not None
+        views, found = homes(self._map)[0], []
+        ids = self._within_reach(keyframe, views)
+        for factor in _FACTORS:
+            points = scaled(self._map.points, ids, views, keyframe, factor, self._optics)
+            expected = predict(points, ids, keyframe.T_world_rig, self._optics)
+            expected = expected.take(expected.view != views[expected.point])
+            found.append(measure(keyframe.frame, expected, points, self._optics, self._config)[0])
+        columns = zip(*((f.point, views[f.point], f.view, f.pixels) for f in found))
+        keyframe.handovers = _at_one_place(HandedOver(*(np.concatenate(c) for c in columns)))
+
+    def _within_reach(self, keyframe: Keyframe, views: NDArray[np.int8]) -> Index:
+        """Points of the keyframes around one that other views than their own might see at some scale."""
+        first, last = keyframe.index - _NEAR, keyframe.index + _NEAR + 1
+        ids = self._map.observed_points(self._map.keyframes[max(first, 0) : last])
+        points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), self._map.points.xyz[ids])
+        seen = np.any([self._optics.project(f * points_rig)[1] for f in _FEW_FACTORS], axis=0)
+        seen[views[ids], np.arange(len(ids))] = False
+        return np.asarray(ids[seen.any(axis=0)])
+
+    def take_up(self) -> None:
+        """Add hand-overs to the map; where they deny its scale, it goes over to theirs."""
+        for keyframe in self._map.keyframes:
+            if keyframe.frame is not None:
+                self.seek(keyframe)
+        evidence = self.evidence()
+        denied = abs(evidence.stretch) > np.hypot(3.0 * evidence.sigma, self._config.metric_sigma)
+        if not evidence.points or (denied and evidence.points < _LEAST_POINTS):
+            return
+        with self._map.lock:
+            if denied:
+                rescale(self._map, float(np.exp(evidence.stretch)), self._optics)
+            self._add(evidence.agrees)
+        if denied:
+            self._adjuster.adjust_coarsely()
+
+    def evidence(self) -> Evidence:
+        """What the hand-overs say of the scale of the map as it is."""
+        whole = self._adjuster.whole()
+        if whole is None:
+            return Evidence.none()
+        sought = [self._living(k) for k in self._map.keyframes]
+        ids = self._map.observed_points(self._map.keyframes)
+        home = np.concatenate([s.home for s in sought])
+        sightings = replace(
+            whole,
+            frame=np.repeat(np.arange(len(sought)), [len(s) for s in sought]),
+            view=np.concatenate([s.view for s in sought]).astype(np.int64),
+            point=np.searchsorted(ids, np.concatenate([s.point for s in sought])),
+            plane=np.concatenate([self._plane(k, s) for k, s in zip(self._map.keyframes, sought)]),
+        )
+        evidence = scale_evidence(whole, sightings, home, self._optics, self._config.pixel_sigma)
+        self.tell = bool(np.isfinite(evidence.sigma))
+        return evidence
+
+    def _living(self, keyframe: Keyframe) -> HandedOver:
+        """The hand-overs of a keyframe whose points the map still has."""
+        found = keyframe.handovers
+        return found.take(self._map.points.alive[found.point])
+
+    def _plane(self, keyframe: Keyframe, found: HandedOver) -> Array:
+        """Where they lie on the ideal pinholes, as a global shutter would show them."""
+        xyz, T = self._map.points.xyz[found.point], keyframe.T_world_rig
+        swept = sweep(T, keyframe.velocity, xyz, found.view, found.pixels, self._optics)
+        return self._optics.plane(found.pixels, found.view) - self._map.readout * swept
+
+    def _add(self, agrees: NDArray[np.bool_]) -> None:
+        """Let keyframes see those of their living hand-overs that agree."""
+        first = 0
+        for keyframe in self._map.keyframes:
+            found, seen = self._living(keyframe), keyframe.observations
+            rows, first = agrees[first : first + len(found)], first + len(found)
+            found = found.take(rows & ~seen.has(found.point, found.view))
+            plane = self._optics.plane(found.pixels, found.view)
+            seen.append(found.point, found.view, found.pixels, plane)
+
+
+def _at_one_place(found: HandedOver) -> HandedOver:
+    """Sightings of each (point, view) pair as one, of those found again and again and nowhere else."""
+    pair, row, times = np.unique(found.point * 128 + found.view, return_inverse=True, return_counts=True)
+    low, high = np.full((len(pair), 2), np.inf), np.full((len(pair), 2), -np.inf)
+    np.minimum.at(low, row, found.pixels)
+    np.maximum.at(high, row, found.pixels)
+    sure = (times >= _LEAST_FINDS) & np.all(high - low < _ONE_PLACE, axis=1)
+    return found.take(np.unique(row, return_index=True)[1][sure])
