@@ -8,13 +8,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration_worlds import boards, nudge, walk
+from calibration_worlds import boards, disturbed, facing, nudge, walk
 from numpy.typing import NDArray
 
+from facetcam.calibration import Board, BoardSet
+from facetcam.calibration.chessboards import placements
 from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.evidence import worst_sighting
+from facetcam.calibration.fit import Tolerance, looks_of
+from facetcam.calibration.intruders import without_intruders
+from facetcam.calibration.rereading import reread
 from facetcam.calibration.result import Finding
 from facetcam.calibration.sightings import Sighting
-from facetcam.calibration.solve import solve
+from facetcam.calibration.solve import solve, started
 from facetcam.calibration.synthetic import projected_sightings
 from facetcam.rig import presets
 
@@ -92,3 +98,28 @@ def test_a_finding_names_the_photos() -> None:
     finding = Finding("other camera", "photos {photos} differ", tuple(range(14)))
     assert finding.told(["a.jpg", "b.jpg"]).startswith("photos a.jpg, b.jpg, 2, ")
     assert finding.text.endswith("11 and 2 more differ")
+
+
+def test_a_part_of_a_chessboard_read_squares_astray_is_read_anew() -> None:
+    rig, board = presets.table(), Board("plain", "chessboard", (10, 7), 0.016)
+    random, eye, set = np.random.default_rng(1), rig.T_rig_cam[:3, 3], BoardSet((board,), False)
+    ways = [np.array([0.0, -0.26, 0.14]) + random.uniform(-0.06, 0.06, 3) - eye for _ in range(8)]
+    placed = [{0: facing(board, eye, way, float(np.linalg.norm(way)), random)} for way in ways]
+    true = projected_sightings(rig, set, placed, 0.05)
+    at = next(i for i, s in enumerate(true) if s.photo == 2 and s.mirrored and len(s) == 54)
+    part = true[at].corners % 9 < 7
+    true[at] = replace(true[at], corners=true[at].corners[part], pixels=true[at].pixels[part])
+    # A photo tells neither handedness nor which part it is.
+    found = [replace(placements(s, board, False)[0], mirrored=None) for s in true]
+    fit = started(disturbed(rig, 1.0, 0.002, 0.03, 1), set, found, Tolerance()).solved(10.0)
+    row = next(i for i, s in enumerate(fit.sightings) if len(s) == len(true[at]) and s.photo == 2)
+    named = list(fit.sightings)
+    others = [w for w in placements(found[at], board, True) if np.any(w.corners != true[at].corners)]
+    named[row] = replace(named[row], corners=others[0].corners)
+    looks = looks_of(named, set, fit.views, fit.looks.board, fit.looks.station)
+    astray = replace(fit, sightings=tuple(named), looks=looks).solved(10.0)
+    assert worst_sighting(astray.solved(1.0)) > 5.0
+    mended = reread(astray, set, found)
+    np.testing.assert_array_equal(mended.sightings[row].corners, true[at].corners)
+    assert worst_sighting(mended.solved(1.0)) < 0.2
+    assert without_intruders(mended, set)[1] == ()

@@ -76,7 +76,7 @@ def reviewed(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple
             if _may(fit, way, v, boards)
         ]
         standings = _standings(fit, s, (s.photo, s.board) in known)
-        tries = [(_error(fit, boards, read, *at), read, *at) for at in standings for read in reads]
+        tries = [(error_in_view(fit, boards, read, *at), read, *at) for at in standings for read in reads]
         best = min(tries, key=itemgetter(0), default=None)
         if best is None or best[0] > limit:
             strange.append(s)
@@ -108,7 +108,7 @@ def _may(fit: Fit, sighting: Sighting, view: str, boards: BoardSet) -> bool:
     return fit.nominal.is_flipped(view) == mirrored
 
 
-def _error(fit: Fit, boards: BoardSet, sighting: Sighting, place: int, station: int) -> float:
+def error_in_view(fit: Fit, boards: BoardSet, sighting: Sighting, place: int, station: int) -> float:
     """Median distance in pixels between where a sighting is and where its view would show it."""
     looks = looks_of([sighting], boards, fit.views, [place], [station])
     return float(np.median(np.linalg.norm(looks.pixels - fit.state.predict(looks), axis=1)))

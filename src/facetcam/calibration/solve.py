@@ -19,6 +19,7 @@ from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import without_intruders
 from facetcam.calibration.observability import unknowns
 from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed, spread_of
+from facetcam.calibration.rereading import reread
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.start import poses_apart, usable
@@ -70,6 +71,7 @@ def solve(
     done()
     for loss in _LOSSES[:2]:
         fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
+    fit = reread(fit, boards, sightings)
     done()
     fit, intruders = without_intruders(fit, boards)
     here = set(fit.photos)
