@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from board_photos import BOARD, SIZE, photo, write_photos
@@ -58,6 +60,14 @@ def test_what_cannot_be_used(facetcam: Facetcam, tmp_path: Path, boards: Path, n
         assert "no board found in 1 photo;" in line(blank, *both)
         assert not out.exists()
     assert (tmp_path / "out-what-was-seen.jpg").exists()
+    soft = write_photos(tmp_path / "soft", [cv2.GaussianBlur(photo(), (0, 0), 6.0)])
+    assert re.search(r"the photos are blurred, edges are \d\.\d px wide at best", line(soft, *both))
+    for where in (out, out / "seen"):
+        assert "name another --cache" in line(photos, *both, "--cache", where)
+        assert not out.exists()
+    assert f"(Not a directory: {photos / '00.png'})" in line(
+        photos, *both, "--out", photos / "00.png" / "out"
+    )
     lone = write_photos(tmp_path / "lone", [photo()])
     for name in ("01.png", "02.png"):
         (lone / name).write_bytes((lone / "00.png").read_bytes())

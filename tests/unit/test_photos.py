@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -156,3 +157,12 @@ def test_the_second_look_reads_photos_again(tmp_path: Path) -> None:
     pixels, accepted = look(1, sighting.pixels + 0.7, np.full(len(sighting), 60.0))
     assert accepted.all()
     assert np.abs(pixels - sighting.pixels).max() < 0.15
+
+
+def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(folder: Path) -> Iterator[Path]:
+        raise PermissionError(13, "Permission denied", str(folder))
+
+    monkeypatch.setattr(Path, "iterdir", refused)
+    with pytest.raises(SourceError, match=r"cannot be read \(Permission denied\)"):
+        photo_paths(tmp_path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -81,9 +82,14 @@ def atomic_write(path: Path, data: bytes | str) -> None:
 
 
 def require_absent(path: Path | str) -> None:
-    """Raise OutputError if the path of a future output folder is taken."""
-    if Path(path).exists():
-        raise OutputError(f"{path}: exists already and is not written over; choose another --out")
+    """Raise OutputError if the path of a future output folder is taken, or no folder can be made there."""
+    with writing(Path(path)):
+        if Path(path).exists():
+            raise OutputError(f"{path}: exists already and is not written over; choose another --out")
+        parent = next(p for p in Path(path).absolute().parents if p.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
+        reason = os.strerror(errno.EACCES if parent.is_dir() else errno.ENOTDIR)
+        raise OutputError(f"{path}: cannot be written ({reason}: {parent})")
 
 
 @contextmanager

@@ -10,7 +10,7 @@ from pathlib import Path
 from facetcam.calibration.board_files import read_boards
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.sightings import Sighting
-from facetcam.errors import FacetcamError
+from facetcam.errors import FacetcamError, OutputError
 from facetcam.io.intrinsics import read_intrinsics
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
@@ -78,6 +78,10 @@ def looked(
 ) -> tuple[list[Photo], tuple[str, ...]]:
     """Photos of a size that belong together, with the boards in them, and why others were left out."""
     remembered = Path(cache) if cache is not None else default_cache()
+    if Path(out).resolve() in (remembered.resolve(), *remembered.resolve().parents):
+        raise OutputError(
+            f"{remembered}: lies in the folder of the results, which must be new; name another --cache"
+        )
     with stage("looking for boards") as progress, telling():
         photos, unreadable = look_at_photos(paths, boards, remembered, progress)
     kept, left_out = fit_together(photos, size)

@@ -14,6 +14,7 @@ import numpy as np
 from facetcam.calibration import diagnosis
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.detection import to_grey
+from facetcam.calibration.sharpness import sharpest_edges
 from facetcam.errors import OutputError, SourceError
 from facetcam.io.image_folder import read_image
 from facetcam.io.outputs import atomic_write, writing
@@ -22,6 +23,7 @@ from facetcam.pipelines.photos import Image
 from facetcam.viz.wording import plural
 
 BLURRED = 2.5  # times the usual width of edges
+UNSHARP = 2.5  # pixels: photos of any scene that are in focus have edges up to 1.8 wide
 SAME_POSE = 0.01  # of the photo's width that a board must move from photo to photo
 _SAMPLES = 3  # photos that are looked at again to find out what is wrong
 
@@ -111,6 +113,7 @@ def require_boards(photos: Sequence[Photo], boards: BoardSet, out: Path | str) -
         hint = diagnosis.better_dictionary(images, boards)
         for board in boards.boards:
             hint = hint or diagnosis.better_layout(images, board)
+        hint = hint or _blurred(images)
         drawn = diagnosis.draw_what_is_seen(images[0], boards)
         advice = hint or "are they lit, sharp and large enough, and is this their boards.yaml?"
         raise SourceError(
@@ -122,6 +125,16 @@ def require_boards(photos: Sequence[Photo], boards: BoardSet, out: Path | str) -
         hint = diagnosis.better_layout([_grey(photo) for photo in islice(showing, 1)], board)
         if hint:
             raise SourceError(hint)
+
+
+def _blurred(images: Sequence[Image]) -> str:
+    """That even the sharpest of some photos is blurred, in words; empty where it is not."""
+    widths = [width for width in map(sharpest_edges, images) if np.isfinite(width)]
+    if not widths or min(widths) < UNSHARP:
+        return ""
+    return (
+        f"the photos are blurred, edges are {min(widths):.1f} px wide at best: focus, and hold the rig still"
+    )
 
 
 def _saved(drawn: Image, out: Path) -> str:

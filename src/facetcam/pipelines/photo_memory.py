@@ -87,7 +87,7 @@ def remember(file: Path | None, photo: Photo) -> None:
 
 def recall(file: Path | None, path: Path, digest: str) -> Photo | None:
     """What was kept of a photo; None where nothing, or nothing whole, was."""
-    if file is None or not file.is_file():
+    if file is None:
         return None
     try:
         with np.load(io.BytesIO(file.read_bytes()), allow_pickle=False) as kept:
@@ -98,4 +98,4 @@ def recall(file: Path | None, path: Path, digest: str) -> Photo | None:
             width, height = (int(n) for n in kept["size"])
             return Photo(path, (width, height), digest, str(kept["camera"]), float(kept["blur"]), sightings)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
-        return None  # cut off or of another kind: looked at again
+        return None  # not there, cut off or of another kind: looked at again

@@ -35,23 +35,29 @@ def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
     Raises
     ------
     SourceError
-        If there is none, or one is missing.
+        If there is none, one is missing, or the folder cannot be read.
     """
     if isinstance(images, (str, Path)):
-        folder = Path(images)
-        if not folder.exists():
-            raise SourceError(f"{folder}: no such folder of photos")
-        if folder.is_file():
-            return [folder]
-        found = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
-        paths = sorted(found, key=natural_key)
-        if not paths:
-            raise SourceError(f"{folder}: no photos in this folder (known are {' '.join(sorted(SUFFIXES))})")
-        return paths
+        try:
+            return _photos_in(Path(images))
+        except OSError as error:
+            raise SourceError(f"{images}: cannot be read ({error.strerror or error})") from error
     paths = [Path(image) for image in images]
     missing = [path for path in paths if not path.is_file()]
     if missing or not paths:
         raise SourceError(f"{missing[0]}: no such photo" if missing else "photos: none given")
+    return paths
+
+
+def _photos_in(folder: Path) -> list[Path]:
+    if not folder.exists():
+        raise SourceError(f"{folder}: no such folder of photos")
+    if folder.is_file():
+        return [folder]
+    found = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
+    paths = sorted(found, key=natural_key)
+    if not paths:
+        raise SourceError(f"{folder}: no photos in this folder (known are {' '.join(sorted(SUFFIXES))})")
     return paths
 
 
