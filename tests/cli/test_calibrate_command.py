@@ -101,6 +101,30 @@ def test_a_stopped_run_keeps_what_it_found(tmp_path: Path, boards: Path, nominal
     assert list((tmp_path / "cache").iterdir())
 
 
+def test_a_run_stopped_while_it_is_judged_has_its_rig(tmp_path: Path, boards: Path, nominal: Path) -> None:
+    photos = write_photos(tmp_path / "in", [photo(seed=k) for k in range(4)])
+
+    @contextmanager
+    def impatient(name: str) -> Iterator[Callable[[int, int | None], None]]:
+        if name == "judging":
+            raise KeyboardInterrupt
+        yield lambda done, total: None
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        run_calibration(
+            photos, boards, tmp_path / "out", rig=nominal, cache=tmp_path / "cache", stage=impatient
+        )
+    assert "the results so far are in" in caught.value.__notes__[0]
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {
+        "rig.yaml",
+        "summary.json",
+        "residuals.csv",
+        "export",
+    }
+    assert Rig.load(tmp_path / "out" / "rig.yaml").covariance is not None
+    assert "cut short" in json.loads((tmp_path / "out" / "summary.json").read_text())["warnings"][-1]
+
+
 @pytest.mark.slow
 def test_ten_photos_of_the_house(facetcam: Facetcam, shared_data: Path, tmp_path: Path) -> None:
     house = shared_data / "house"

@@ -63,7 +63,7 @@ def _weak_coverage(fit: Fit) -> list[str]:
         photos = {fit.sightings[i].photo for i in rows}
         if len(photos) < _FEW_PHOTOS:
             advice.append(
-                f"photos with a board in view '{name}' (so far {len(photos)}; {_FEW_PHOTOS} or more are good)"
+                f"add photos with a board in view '{name}' (so far {len(photos)}; {_FEW_PHOTOS} are good)"
             )
         elif _reached(fit, view) < _COVERED:
             advice.append(

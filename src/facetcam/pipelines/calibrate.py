@@ -10,13 +10,14 @@ from facetcam.calibration.quality import Validation
 from facetcam.calibration.result import Calibration, Preflight
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
-from facetcam.io.outputs import fresh_folder, require_absent
+from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.pipelines.calibrate_inputs import Images, Seen, look, telling
-from facetcam.pipelines.calibrate_results import write_calibration
+from facetcam.pipelines.calibrate_results import summarise, write_report, write_rig
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_memory import Photo
 from facetcam.pipelines.photos import SecondLook
 from facetcam.pipelines.progress import keeping
+from facetcam.pipelines.summary import to_json
 from facetcam.rig import Rig
 
 
@@ -67,7 +68,7 @@ class Checked:
             ("enough", "yes" if found.enough else "no"),
             *(("expected sigma", f"{name}: {sigma}") for name, sigma in found.expected.items()),
             *(("cannot be known", unknown.what) for unknown in found.unobservable),
-            *(("add", advice) for advice in found.advice),
+            *(("what helps", advice) for advice in found.advice),
         ]
 
 
@@ -118,16 +119,19 @@ def run_calibration(
     validation: Validation | None = None
     warnings = list(seen.warnings)
 
-    def write(reason: str = "") -> None:
-        unjudged = reason and validation is None
-        told = [*warnings, f"the judging was cut short: {reason}"] if unjudged else warnings
-        write_calibration(calibration, validation, seen.photos, second, folder, told, seen.rig is not None)
+    def cut_short(reason: str) -> None:
+        """What takes no time: a page does."""
+        told = [*warnings, f"cut short before the report was written: {reason}"]
+        summary = summarise(calibration, validation, seen.photos, told)
+        atomic_write(folder / "summary.json", to_json(summary))
 
-    with keeping(folder, write):
+    with keeping(folder, cut_short):
+        write_rig(calibration, seen.photos, folder)
         if holdout:
             validation = judged(calibration, second, stage, warnings)
         with stage("writing"):
-            write()
+            drawn = seen.rig is not None
+            write_report(calibration, validation, seen.photos, second, folder, warnings, drawn)
     return Calibrated(calibration, validation, seen.photos, folder, tuple(warnings))
 
 

@@ -46,16 +46,8 @@ class CalibrationSummary:
     seconds: float
 
 
-def write_calibration(
-    calibration: Calibration,
-    validation: Validation | None,
-    photos: Sequence[Photo],
-    second: SecondLook,
-    folder: Path,
-    warnings: Sequence[str],
-    from_drawing: bool = True,
-) -> None:
-    """Write everything into a fresh folder.
+def write_rig(calibration: Calibration, photos: Sequence[Photo], folder: Path) -> None:
+    """Write the rig, the residuals and the exported cameras into a fresh folder.
 
     Raises
     ------
@@ -64,9 +56,27 @@ def write_calibration(
     """
     calibration.rig.save(folder / "rig.yaml")
     atomic_write(folder / "residuals.csv", residuals_csv(calibration.sightings, calibration.boards, photos))
+    export_cameras(calibration.rig, folder / "export")
+
+
+def write_report(
+    calibration: Calibration,
+    validation: Validation | None,
+    photos: Sequence[Photo],
+    second: SecondLook,
+    folder: Path,
+    warnings: Sequence[str],
+    from_drawing: bool = True,
+) -> None:
+    """Write the summary and the page.
+
+    Raises
+    ------
+    OutputError
+        If one cannot be written.
+    """
     summary = summarise(calibration, validation, photos, warnings)
     atomic_write(folder / "summary.json", to_json(summary))
-    export_cameras(calibration.rig, folder / "export")
     report = CalibrationReport(
         title=f"Rig of {len(calibration.rig.views)} views from {len(photos)} photos",
         calibration=calibration,
