@@ -22,6 +22,7 @@ from facetcam.calibration.result import Finding
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve, started
 from facetcam.calibration.synthetic import projected_sightings
+from facetcam.errors import FacetcamError
 from facetcam.rig import presets
 
 Array = NDArray[np.float64]
@@ -123,3 +124,15 @@ def test_a_part_of_a_chessboard_read_squares_astray_is_read_anew() -> None:
     np.testing.assert_array_equal(mended.sightings[row].corners, true[at].corners)
     assert worst_sighting(mended.solved(1.0)) < 0.2
     assert without_intruders(mended, set)[1] == ()
+
+
+def test_a_set_called_fixed_that_never_was_is_refused() -> None:
+    placed = [
+        {b: T @ nudge(SET.boards[b], 0.05, 10.0, 10 * photo + b) for b, T in stand.items()}
+        for photo, stand in enumerate(walk(RIG, SET, 10, 2))
+    ]
+    sightings = projected_sightings(RIG, SET, placed, NOISE)
+    with pytest.raises(FacetcamError, match=r"\d of \d photos the boards .* 'fixed: false' in boards.yaml"):
+        solve(RIG, SET, sightings)
+    loose = solve(RIG, replace(SET, fixed=False), sightings)
+    assert loose.rms() < 2 * NOISE

@@ -12,12 +12,17 @@ from facetcam.calibration.evidence import (
     corner_noise,
     is_wrong,
     misfit,
+    sighting_errors,
     worst_sighting,
 )
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.moved_boards import moved_board
 from facetcam.calibration.other_camera import another_camera
 from facetcam.calibration.result import Finding
+from facetcam.errors import FacetcamError
+
+_FEWEST = 6  # photos with several boards, from which a majority is asked for
+_NEARLY_ALL = 0.8
 
 
 def without_intruders(fit: Fit, boards: BoardSet) -> tuple[Fit, tuple[Finding, ...]]:
@@ -31,8 +36,15 @@ def without_intruders(fit: Fit, boards: BoardSet) -> tuple[Fit, tuple[Finding, .
     fit : Fit
         Without the photos of other cameras, and with further places for boards that moved.
     findings : tuple of Finding
+
+    Raises
+    ------
+    FacetcamError
+        If next to no photo fits the others: there is no majority to go by.
     """
     findings: list[Finding] = []
+    if boards.fixed:
+        _require_majority(fit.solved(TIGHT))
     for _ in range(1 + len(boards.boards)):
         tight = fit.solved(TIGHT)
         noise = corner_noise(tight)
@@ -44,6 +56,18 @@ def without_intruders(fit: Fit, boards: BoardSet) -> tuple[Fit, tuple[Finding, .
         findings.append(best.finding)
         fit = best.fit.solved(10.0)
     return fit.solved(TIGHT), tuple(findings)
+
+
+def _require_majority(fit: Fit) -> None:
+    wrong, noise = sighting_errors(fit), corner_noise(fit)
+    boards_in = {p: {s.board for s in fit.sightings if s.photo == p} for p in fit.photos}
+    tied = {p for p, seen in boards_in.items() if len(seen) > 1}
+    odd = tied & {s.photo for s, error in zip(fit.sightings, wrong) if is_wrong(float(error), noise)}
+    if len(tied) >= _FEWEST and len(odd) > _NEARLY_ALL * len(tied):
+        raise FacetcamError(
+            f"calibration: in {len(odd)} of {len(tied)} photos the boards do not stand as in the others; if"
+            " they are not fixed to each other say 'fixed: false' in boards.yaml, else check that the rig file fits"
+        )
 
 
 def _best_explanation(starts: Sequence[Fit], boards: BoardSet, noise: float) -> Explanation | None:
