@@ -14,11 +14,13 @@ template <class T, int Columns>
 using Table = nb::ndarray<const T, nb::shape<-1, Columns>, nb::c_contig, nb::device::cpu>;
 template <class Row>
 using Rows = Table<std::uint8_t, sizeof(Row)>;
+using Corners = Table<std::int32_t, 3>;
 using Travelled = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Light = nb::ndarray<const float, nb::shape<-1, 2, 3>, nb::c_contig, nb::device::cpu>;
 using HitRows = nb::ndarray<nb::numpy, std::uint8_t, nb::ndim<2>>;
 using Radiance = nb::ndarray<nb::numpy, float, nb::ndim<2>>;
 
+static_assert(sizeof(Vec3) == 3 * sizeof(float) && sizeof(Hit) == 4 * sizeof(float));
 static_assert(sizeof(Triangle) == 40 && sizeof(Material) == 48);
 
 template <class Row, class Array>
@@ -26,19 +28,44 @@ const Row* rows(const Array& table) {
     return reinterpret_cast<const Row*>(table.data());
 }
 
-auto cast_rays(std::uintptr_t intersect, std::uintptr_t scene, Table<float, 3> origins,
-               Table<float, 3> directions, int threads) {
+// Calls `cast` with origins, directions, their number and the place of the hits, without Python's lock.
+template <class Cast>
+auto cast_rays(Table<float, 3> origins, Table<float, 3> directions, const Cast& cast) {
     const std::size_t count = directions.shape(0);
     if (origins.shape(0) != count) throw std::invalid_argument("origins: expected one for each direction");
-    if (!intersect || !scene) throw std::invalid_argument("intersect, scene: expected Embree's addresses");
     std::vector<std::uint8_t> hits(count * sizeof(Hit));
     {
         nb::gil_scoped_release release;
-        cast_triangles(reinterpret_cast<Intersect>(intersect), reinterpret_cast<void*>(scene),
-                       rows<Vec3>(origins), rows<Vec3>(directions), count, threads,
-                       reinterpret_cast<Hit*>(hits.data()));
+        cast(rows<Vec3>(origins), rows<Vec3>(directions), count, reinterpret_cast<Hit*>(hits.data()));
     }
     return to_numpy<HitRows>(std::move(hits), {count, sizeof(Hit)});
+}
+
+auto cast_by_embree(std::uintptr_t intersect, std::uintptr_t scene, Table<float, 3> origins,
+                    Table<float, 3> directions, int threads) {
+    if (!intersect || !scene) throw std::invalid_argument("intersect, scene: expected Embree's addresses");
+    return cast_rays(origins, directions,
+                     [=](const Vec3* from, const Vec3* to, std::size_t count, Hit* hits) {
+                         cast_triangles(reinterpret_cast<Intersect>(intersect),
+                                        reinterpret_cast<void*>(scene), from, to, count, threads, hits);
+                     });
+}
+
+auto cast_by_tree(const TriangleTree& tree, Table<float, 3> origins, Table<float, 3> directions,
+                  int threads) {
+    return cast_rays(origins, directions,
+                     [&](const Vec3* from, const Vec3* to, std::size_t count, Hit* hits) {
+                         cast_triangles(tree, from, to, count, threads, hits);
+                     });
+}
+
+void make_tree(TriangleTree* self, Table<float, 3> vertices, Corners corners) {
+    const auto known = static_cast<std::int32_t>(vertices.shape(0));
+    const std::int32_t* corner = corners.data();
+    if (std::any_of(corner, corner + corners.size(), [=](std::int32_t c) { return c < 0 || c >= known; }))
+        throw std::invalid_argument("faces: a corner that is not there");
+    new (self) TriangleTree(rows<Vec3>(vertices), reinterpret_cast<const std::int32_t (*)[3]>(corner),
+                            corners.shape(0));
 }
 
 bool fits(const Texture& t, std::size_t texels) {
@@ -113,7 +140,10 @@ class TriangleShader {
 
 void bind_triangles(nb::module_& m) {
     using namespace nb::literals;
-    m.def("cast_triangles", &cast_rays, "intersect"_a, "scene"_a, "origins"_a.noconvert(),
+    nb::class_<TriangleTree>(m, "TriangleTree")
+        .def("__init__", &make_tree, "vertices"_a.noconvert(), "faces"_a.noconvert())
+        .def("cast", &cast_by_tree, "origins"_a.noconvert(), "directions"_a.noconvert(), "threads"_a);
+    m.def("cast_by_embree", &cast_by_embree, "intersect"_a, "scene"_a, "origins"_a.noconvert(),
           "directions"_a.noconvert(), "threads"_a);
     nb::class_<TriangleShader>(m, "TriangleShader")
         .def(nb::init<Rows<Triangle>, Table<float, 2>, Rows<Material>, Table<std::uint8_t, 3>,

@@ -5,7 +5,6 @@ NB_MODULE(_core, m) {
     m.doc() = "Native kernels of facetcam.";
     facetcam::bind_bundle(m);
     facetcam::bind_features(m);
-    facetcam::bind_raycast(m);
     facetcam::bind_remap(m);
     facetcam::bind_tracing(m);
     facetcam::bind_triangles(m);

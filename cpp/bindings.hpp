@@ -12,7 +12,6 @@ namespace facetcam {
 void bind_bundle(nanobind::module_& m);
 void bind_features(nanobind::module_& m);
 void bind_patch(nanobind::module_& m);
-void bind_raycast(nanobind::module_& m);
 void bind_remap(nanobind::module_& m);
 void bind_tracing(nanobind::module_& m);
 void bind_triangles(nanobind::module_& m);

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "raycast.hpp"
+#include "texture.hpp"
+#include "vec3.hpp"
 
 namespace facetcam {
 

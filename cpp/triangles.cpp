@@ -94,6 +94,12 @@ Vec3 seen(const TriangleScene& scene, const Hit& hit, Vec3 direction, float dist
 
 }  // namespace
 
+void cast_triangles(const TriangleTree& tree, const Vec3* origins, const Vec3* directions,
+                    std::size_t ray_count, int threads, Hit* hits) {
+    for_each_ray(ray_count, threads,
+                 [&](std::size_t i) { hits[i] = tree.nearest(origins[i], directions[i]); });
+}
+
 void cast_triangles(Intersect intersect, void* scene, const Vec3* origins, const Vec3* directions,
                     std::size_t ray_count, int threads, Hit* hits) {
     for_each_ray(ray_count, threads,

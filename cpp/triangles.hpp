@@ -1,9 +1,11 @@
-// What rays see among textured triangles: Embree finds the nearest one, the light that comes back is ours.
+// What rays see among textured triangles: Embree or a tree of our own finds the nearest one, and the light
+// that comes back from it is ours.
 #pragma once
 #include <cstddef>
 #include <cstdint>
 
-#include "raycast.hpp"
+#include "texture.hpp"
+#include "triangle_tree.hpp"
 
 namespace facetcam {
 
@@ -36,10 +38,13 @@ struct TriangleScene {
 };
 
 // Origins and directions are (N, 3), unit directions; `surface` of a hit is the triangle, u and v its place.
+void cast_triangles(const TriangleTree& tree, const Vec3* origins, const Vec3* directions,
+                    std::size_t ray_count, int threads, Hit* hits);
 void cast_triangles(Intersect intersect, void* scene, const Vec3* origins, const Vec3* directions,
                     std::size_t ray_count, int threads, Hit* hits);
 
-// `travelled` is the way of each ray before its origin, in metres; `ray_angle` as in `shade`.
+// `travelled` is the way of each ray before its origin, in metres; `ray_angle` is the angle between
+// neighbouring rays; it chooses the level of the mip map.
 void shade_triangles(const TriangleScene& scene, const Vec3* directions, const float* travelled,
                      const Hit* hits, std::size_t ray_count, float ray_angle, int threads,
                      float (*radiance)[3]);

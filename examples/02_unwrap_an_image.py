@@ -6,10 +6,10 @@ import cv2
 
 import facetcam
 from facetcam.rig import presets
-from facetcam.simulation import drive, film, renderer, room
+from facetcam.simulation import drive, film, room
 
 rig = presets.ryu()
-scene = renderer.Renderer(room.furnished_room())
+scene = film.renderer_of(room.furnished_room())
 frame = next(iter(film.Film(rig, scene, drive.round_the_table(1))))
 
 unwrapper = facetcam.unwrap(rig, size=(640, 480))  # the maps are made once, then used for every frame

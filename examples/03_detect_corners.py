@@ -6,10 +6,10 @@ import numpy as np
 import facetcam
 from facetcam.features import match_mutual
 from facetcam.rig import presets
-from facetcam.simulation import drive, film, renderer, room
+from facetcam.simulation import drive, film, room
 
 rig = presets.ryu()
-scene = renderer.Renderer(room.furnished_room())
+scene = film.renderer_of(room.furnished_room())
 frame = next(iter(film.Film(rig, scene, drive.round_the_table(1))))
 dark = frame // 4
 

@@ -4,13 +4,13 @@ import numpy as np
 
 import facetcam
 from facetcam.rig import presets
-from facetcam.simulation import drive, film, renderer, room
+from facetcam.simulation import drive, film, room
 
 FRAMES = 18
 
 rig = presets.ryu()
 path = drive.round_the_table(FRAMES)
-scene = renderer.Renderer(room.furnished_room())
+scene = film.renderer_of(room.furnished_room())
 wheels = drive.wheel_odometry(path)  # optional: x, y, yaw in a frame that drifts
 slam = facetcam.Slam(rig)
 

@@ -1,17 +1,9 @@
-"""A frame of your own scene through mirrors, with the true distance of every pixel; needs facetcam[sim]."""
-
-import importlib.util
-import sys
+"""A frame of your own scene through mirrors, with the true distance of every pixel."""
 
 import cv2
 import numpy as np
 
 from facetcam.rig import presets
-
-if importlib.util.find_spec("embreex") is None:
-    print("pip install facetcam[sim]")
-    sys.exit()
-
 from facetcam.simulation.exposures import Exposures
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.meshes import Material, joined, quad

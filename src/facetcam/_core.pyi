@@ -64,23 +64,6 @@ class Lens:
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
     def rays(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
-class RectangleTree:
-    def __init__(self, rectangles: NDArray[np.float32]) -> None: ...
-    def cast(
-        self, origins: NDArray[np.float32], directions: NDArray[np.float32], threads: int
-    ) -> NDArray[np.uint8]: ...
-
-def shade_rays(
-    rectangles: NDArray[np.float32],
-    texels: NDArray[np.uint8],
-    textures: NDArray[np.int32],
-    light: NDArray[np.float32],
-    light_maps: NDArray[np.int32],
-    directions: NDArray[np.float32],
-    hits: NDArray[np.uint8],
-    ray_angle: float,
-    threads: int,
-) -> NDArray[np.float32]: ...
 def remap(
     sources: NDArray[np.uint16],
     runs: NDArray[np.int32],
@@ -149,7 +132,13 @@ class TriangleShader:
         threads: int,
     ) -> NDArray[np.float32]: ...
 
-def cast_triangles(
+class TriangleTree:
+    def __init__(self, vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> None: ...
+    def cast(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], threads: int
+    ) -> NDArray[np.uint8]: ...
+
+def cast_by_embree(
     intersect: int,
     scene: int,
     origins: NDArray[np.float32],

@@ -22,7 +22,6 @@ from facetcam.pipelines.simulate_inputs import Options
 from facetcam.rig import Rig
 from facetcam.simulation.meshes import Material, quad
 
-pytest.importorskip("embreex", reason="pip install facetcam[sim]")
 pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
 
 SETTINGS = """

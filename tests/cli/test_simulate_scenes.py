@@ -21,7 +21,6 @@ from facetcam.io.trajectories import write_tum
 from facetcam.rig import Rig
 from facetcam.simulation.meshes import Material, quad, within_memory
 
-pytest.importorskip("embreex", reason="pip install facetcam[sim]")
 trimesh = pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
 
 CHUNK = 0x4E4F534A  # "JSON"
@@ -192,7 +191,7 @@ def test_a_scene_beyond_memory_is_refused_and_large_pictures_shrink(
 ) -> None:
     scene = written(studio / "room.glb", room())
     small = partial(within_memory, most=6 * 64 * 32)
-    monkeypatch.setattr("facetcam.simulation.mesh_renderer.within_memory", small)
+    monkeypatch.setattr("facetcam.simulation.mesh_tables.within_memory", small)
     assert "4 textures are shown coarser" in filmed(studio, facetcam, scene, "plain.yaml")[1]
     monkeypatch.setattr("facetcam.simulation.meshes.MOST_TRIANGLES", 11)
     command = ["simulate", scene, "--rig", studio / "rig.yaml", "--trajectory", studio / "path.tum"]

@@ -56,7 +56,7 @@ def room_without_table(path: Path) -> Path:
 def test_a_rig_from_a_drawing_is_filmed_calibrated_unwrapped_and_mapped(
     tmp_path: Path, facetcam: Facetcam
 ) -> None:
-    pytest.importorskip("embreex", reason="pip install facetcam[sim]")
+    pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
     scene = room_without_table(tmp_path / "room.glb")
     for name, text in (("drawing.yaml", DRAWING), ("settings.yaml", SETTINGS), ("round.csv", ROUND)):
         (tmp_path / name).write_text(text)

@@ -15,8 +15,7 @@ from slam_worlds import folded
 from facetcam.io.trajectories import read_tum
 from facetcam.pipelines.slam_maps import FILE
 from facetcam.simulation.drive import round_the_table
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam.map_file import read_map
 
@@ -37,7 +36,7 @@ main()
 def command(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     """`facetcam slam` on a film of a room, with a map written after nearly every frame."""
     folder, rig = tmp_path_factory.mktemp("film"), folded()
-    images = list(Film(rig, Renderer(furnished_room()), round_the_table(FRAMES)))
+    images = list(Film(rig, renderer_of(furnished_room()), round_the_table(FRAMES)))
     film = write_film(folder / "film.mp4", images, source="bgr24" if images[0].ndim == 3 else "gray")
     rig.save(folder / "rig.yaml")
     words = [sys.executable, "-c", ALWAYS_SAVING, "slam", film, "--rig", folder / "rig.yaml"]

@@ -16,6 +16,9 @@ from simulated_rooms import FIELDS, glowing, resized, room_quads
 
 from facetcam.geometry import se3
 from facetcam.rig import Rig
+from facetcam.simulation.exposures import Exposures
+from facetcam.simulation.mesh_renderer import MeshRenderer
+from facetcam.simulation.settings import CameraSettings
 
 pytestmark = pytest.mark.slow
 Array = NDArray[np.float64]
@@ -200,11 +203,6 @@ def test_checker_corners_in_the_mirrors_are_where_the_rig_projects_them(
 
 
 def test_the_simulator_draws_the_same_picture(rig: Rig, reference: NDArray[np.float32]) -> None:
-    pytest.importorskip("embreex")
-    from facetcam.simulation.exposures import Exposures
-    from facetcam.simulation.mesh_renderer import MeshRenderer
-    from facetcam.simulation.settings import CameraSettings
-
     exposures = Exposures(rig, MeshRenderer(glowing(room_quads())), CameraSettings(samples=16, blur=0.0))
     ours = exposures.radiance(lambda time: POSE, 0.0)
     valid = rig.mask(SEAM_MARGIN) > 0

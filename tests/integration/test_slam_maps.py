@@ -18,8 +18,8 @@ from facetcam.errors import MapError
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.simulation.drive import Drive, round_the_table, wheel_odometry
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
+from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
 from facetcam.slam.map_file import read_map, write_map
@@ -30,8 +30,8 @@ FRAMES = 20
 
 
 @pytest.fixture(scope="module")
-def room() -> Renderer:
-    return Renderer(furnished_room())
+def room() -> MeshRenderer:
+    return renderer_of(furnished_room())
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def drive() -> Drive:
     return round_the_table(FRAMES)
 
 
-def mapped(rig: Rig, room: Renderer, drive: Drive, path: Path) -> Path:
+def mapped(rig: Rig, room: MeshRenderer, drive: Drive, path: Path) -> Path:
     slam, wheels = Slam(rig), wheel_odometry(drive)
     for image, time, xyt in zip(Film(rig, room, drive), drive.times, wheels):
         slam.track(image, time, xyt)
@@ -49,7 +49,7 @@ def mapped(rig: Rig, room: Renderer, drive: Drive, path: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def saved(room: Renderer, drive: Drive, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def saved(room: MeshRenderer, drive: Drive, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return mapped(folded(), room, drive, tmp_path_factory.mktemp("maps") / "room.facetmap")
 
 
@@ -59,7 +59,7 @@ def turned(drive: Drive, degrees: float, frames: slice) -> Drive:
     return replace(drive, times=drive.times[frames], poses=drive.poses[frames] @ turn)
 
 
-def look_in(path: Path, rig: Rig, room: Renderer, drive: Drive) -> list[State]:
+def look_in(path: Path, rig: Rig, room: MeshRenderer, drive: Drive) -> list[State]:
     slam = Slam(rig)
     slam.load_map(path, localise_only=True)
     return [slam.track(image, time) for image, time in zip(Film(rig, room, drive), drive.times)]
@@ -74,7 +74,7 @@ def T_true_map(path: Path, drive: Drive) -> Array:
 
 @pytest.mark.parametrize("degrees", [0, 90, 180, 270])
 def test_a_kidnapped_rig_is_found_whatever_its_heading(
-    saved: Path, room: Renderer, drive: Drive, degrees: float
+    saved: Path, room: MeshRenderer, drive: Drive, degrees: float
 ) -> None:
     """What the front mirrors showed comes back in others, truly rendered there."""
     there = turned(drive, degrees, slice(12, 16))
@@ -90,7 +90,7 @@ def test_a_kidnapped_rig_is_found_whatever_its_heading(
 
 
 @pytest.mark.slow
-def test_mirror_images_are_found_in_mirror_images(room: Renderer, drive: Drive, tmp_path: Path) -> None:
+def test_mirror_images_are_found_in_mirror_images(room: MeshRenderer, drive: Drive, tmp_path: Path) -> None:
     """Every view of this rig is behind one mirror; a turn by a third of a circle swaps them."""
     path = mapped(pyramid(), room, drive, tmp_path / "pyramid.facetmap")
     there = turned(drive, 120, slice(12, 18))
@@ -113,7 +113,7 @@ def test_nowhere_is_not_found(saved: Path) -> None:
 
 
 def test_a_map_is_extended_in_its_own_frame(
-    saved: Path, room: Renderer, drive: Drive, tmp_path: Path
+    saved: Path, room: MeshRenderer, drive: Drive, tmp_path: Path
 ) -> None:
     further = round_the_table(28)
     later = replace(further, times=further.times[17:], poses=further.poses[17:])
@@ -131,7 +131,7 @@ def test_a_map_is_extended_in_its_own_frame(
     assert after.keyframes > before.keyframes and after.points > before.points
 
 
-def test_only_looking_changes_nothing(saved: Path, room: Renderer, drive: Drive, tmp_path: Path) -> None:
+def test_only_looking_changes_nothing(saved: Path, room: MeshRenderer, drive: Drive, tmp_path: Path) -> None:
     slam = Slam(folded())
     slam.load_map(saved, localise_only=True)
     for image, time in zip(Film(folded(), room, turned(drive, 0, slice(10, 14))), drive.times):

@@ -14,8 +14,7 @@ from slam_worlds import folded
 from facetcam.errors import FacetcamError
 from facetcam.evaluation.trajectory import evaluate
 from facetcam.simulation.drive import Drive, round_the_table, wheel_odometry
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, SlamConfig, Status
 from facetcam.slam.mapping import Mapper
@@ -31,7 +30,7 @@ class Shot:
 
     def __init__(self) -> None:
         self.drive: Drive = round_the_table(30)
-        film = Film(folded(), Renderer(furnished_room()), self.drive)
+        film = Film(folded(), renderer_of(furnished_room()), self.drive)
         self.rig = film.rig
         self.images = [image for _, image in zip(range(FRAMES), film)]
         self.wheels: Array = wheel_odometry(self.drive)

@@ -15,8 +15,8 @@ from facetcam.evaluation.trajectory import TrajectoryErrors, evaluate, scale_err
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.simulation.drive import Drive, round_the_table, wheel_odometry
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
+from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
 
@@ -57,12 +57,12 @@ def run(shot: Shot, wheels: Array | None = None, images: Images | None = None) -
 
 
 @pytest.fixture(scope="module")
-def room() -> Renderer:
-    return Renderer(furnished_room())
+def room() -> MeshRenderer:
+    return renderer_of(furnished_room())
 
 
 @pytest.fixture(scope="module")
-def shot(room: Renderer) -> Shot:
+def shot(room: MeshRenderer) -> Shot:
     drive = round_the_table(FRAMES)
     film = Film(folded(), room, drive)
     return Shot(film.rig, list(film), drive, wheel_odometry(drive))
@@ -133,7 +133,7 @@ def test_states_tell_what_was_measured(shot: Shot, by_sight: Run) -> None:
     assert 0.0 < np.sqrt(np.trace(state.covariance[3:, 3:])) < 0.02
 
 
-def test_the_cloud_lies_in_the_room(room: Renderer, shot: Shot, with_wheels: Run) -> None:
+def test_the_cloud_lies_in_the_room(room: MeshRenderer, shot: Shot, with_wheels: Run) -> None:
     """Most points lie on the surface that a ray to them meets, to some hundredths of their distance."""
     points, colours = with_wheels.slam.cloud()
     assert len(points) == len(colours) > 300
@@ -175,7 +175,7 @@ def test_a_blackout_loses_a_rig_without_wheels_for_as_long_as_it_lasts(shot: Sho
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dark", [16, 18, 20])
-def test_no_wrong_pose_is_believed_after_a_blackout(room: Renderer, dark: int) -> None:
+def test_no_wrong_pose_is_believed_after_a_blackout(room: MeshRenderer, dark: int) -> None:
     drive = round_the_table(45)
     film = Film(folded(), room, drive)
     images = [np.zeros_like(im) if dark <= k < dark + 3 else im for k, im in enumerate(film)]
@@ -214,7 +214,7 @@ def test_a_young_map_that_stays_lost_is_given_up(shot: Shot) -> None:
     assert not slam.metric
 
 
-def test_one_camera_starts_but_cannot_know_the_metre(room: Renderer) -> None:
+def test_one_camera_starts_but_cannot_know_the_metre(room: MeshRenderer) -> None:
     drive = round_the_table(25)
     film = Film(small(single(), 480), room, drive)
     result = run(Shot(film.rig, list(film), drive, wheel_odometry(drive)))

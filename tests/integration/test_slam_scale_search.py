@@ -10,8 +10,7 @@ from slam_worlds import small
 from facetcam.evaluation.trajectory import scale_error
 from facetcam.rig import Rig
 from facetcam.simulation.drive import round_the_table, wheel_odometry
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
@@ -21,7 +20,7 @@ ADAPTER = Path(__file__).parents[2] / "examples" / "designs" / "stereo-adapter-r
 
 def test_a_map_of_the_wrong_scale_is_found_out_and_mended() -> None:
     drive = round_the_table(8)
-    film = Film(small(Rig.load(ADAPTER), 800), Renderer(furnished_room()), drive)
+    film = Film(small(Rig.load(ADAPTER), 800), renderer_of(furnished_room()), drive)
     slam, wheels = Slam(film.rig), wheel_odometry(drive)
     for image, time, wheel in zip(film, drive.times, wheels):
         slam.track(image, time, wheel)

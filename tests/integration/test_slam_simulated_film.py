@@ -27,7 +27,7 @@ light:
 
 
 def test_the_film_of_a_pyramid_is_tracked(shared_data: Path, tmp_path: Path) -> None:
-    pytest.importorskip("embreex", reason="pip install facetcam[sim]")
+    pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
     house = shared_data / "house"
     resized(Rig.load("preset:pyramid"), 0.5).save(tmp_path / "rig.yaml")
     (tmp_path / "settings.yaml").write_text(LIGHT)

@@ -76,9 +76,9 @@ def test_every_pixel_of_the_paper_s_rig_has_one_fate() -> None:
     found = analyse(rig, Body(), Optics(), step=2)
     used = sum(view.sensor_share for view in found.views.values())
     assert used + sum(found.sensor.dead().values()) == pytest.approx(1.0, abs=1e-12)
-    assert set(found.sensor.parasites) == {"base"}
+    assert set(found.sensor.parasites) == {"base alone"}
     # The pixel deepest within them: it hits the base and then passes all facets by.
-    path = ray_path(rig, rig.camera.ray(found.sensor.amid["base"][None])[0], 1.0)
+    path = ray_path(rig, rig.camera.ray(found.sensor.amid["base alone"][None])[0], 1.0)
     assert len(path) == 3
     assert path[1][2] == pytest.approx(0.0, abs=1e-9)
     assert found.sensor.dead()["camera's own reflection"] > 0.02

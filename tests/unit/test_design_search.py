@@ -73,6 +73,9 @@ def test_it_says_what_it_cannot_do() -> None:
     upside_down = replace(Bounds(), radius=(0.09, 0.03))
     with pytest.raises(ConfigError, match="swap them"):
         search(DesignSpec(family=Family(), search=Search(bounds=upside_down)))
+    sharp = replace(read_spec("preset:ryu"), search=Search(goal=Goal(coverage=0.0, resolution=1.0)))
+    with pytest.raises(ConfigError, match="the lens alone decides"):
+        search(sharp)
     with pytest.raises(ConfigError, match="one of them above zero"):
         Goal(coverage=0.0)
 

@@ -29,13 +29,16 @@ from facetcam.simulation.settings import (
     Switch,
 )
 
-pytest.importorskip("embreex", reason="pip install facetcam[sim]")
 pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
 
+from facetcam import _core
+from facetcam.simulation import embree
+from facetcam.simulation.embree import EmbreeTree
 from facetcam.simulation.exposures import Exposures, Sampling
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.path_checks import path_warnings
 from facetcam.simulation.scene_files import read_scene
+from facetcam.simulation.triangle_tree import HIT, TriangleTree
 
 Array = NDArray[np.float64]
 WHITE = np.full((4, 4, 3), 255, dtype=np.uint8)
@@ -62,21 +65,21 @@ def shot(mesh: Mesh, rig: Rig | None = None, sky: float = 0.0, **settings: float
     return Exposures(rig or pinhole(), MeshRenderer(mesh, sky=(sky,) * 3), camera).radiance(still, 0.0)
 
 
-def test_embree_finds_the_triangle_that_trying_them_all_finds() -> None:
+@pytest.fixture(params=[EmbreeTree, TriangleTree])
+def tree(request: pytest.FixtureRequest) -> type[TriangleTree]:
+    if request.param is EmbreeTree and not embree.installed():
+        pytest.skip("pip install facetcam[sim]")
+    return request.param
+
+
+def test_a_tree_finds_the_triangle_that_trying_them_all_finds(tree: type[TriangleTree]) -> None:
     rng = np.random.default_rng(2)
     corners = (rng.uniform(-2, 2, (60, 1, 3)) + rng.uniform(-0.7, 0.7, (60, 3, 3))).astype(np.float32)
-    mesh = replace(
-        wall(Material(WHITE)),
-        vertices=corners.reshape(-1, 3),
-        faces=np.arange(180, dtype=np.int32).reshape(-1, 3),
-        normals=np.tile(np.float32([0, 0, 1]), (180, 1)),
-        uv=np.zeros((180, 2), np.float32),
-        material=np.zeros(60, np.int32),
-    )
     start = rng.uniform(-2, 2, (800, 3)).astype(np.float32)
     aim = rng.standard_normal((800, 3))
+    aim[::10, 0] = 0.0  # along a coordinate plane
     aim /= np.linalg.norm(aim, axis=1, keepdims=True)
-    hits = MeshRenderer(mesh).trace(start, aim)
+    hits = tree(corners.reshape(-1, 3), np.arange(180).reshape(-1, 3), 2).trace(start, aim)
     a, b, c = corners.astype(float).transpose(1, 0, 2)
     nearest = np.full(800, np.inf)
     for k in range(60):
@@ -90,6 +93,38 @@ def test_embree_finds_the_triangle_that_trying_them_all_finds() -> None:
     assert np.mean(np.isfinite(nearest) == np.isfinite(hits["distance"])) > 0.998  # edges may differ
     both = np.isfinite(nearest) & np.isfinite(hits["distance"])
     assert np.allclose(hits["distance"][both], nearest[both], rtol=1e-3, atol=1e-4)
+    on = hits[both]
+    place = a[on["surface"]] + on["u"][:, None] * (b - a)[on["surface"]]
+    place += on["v"][:, None] * (c - a)[on["surface"]]
+    assert np.allclose(place, start[both] + nearest[both, None] * aim[both], atol=2e-3)
+
+
+def test_no_ray_slips_through_a_closed_skin(tree: type[TriangleTree]) -> None:
+    """A fine sphere from inside, aimed at its edges and corners; piles of equal triangles in one place."""
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    vertices, faces = np.float32(ball.vertices), ball.faces
+    made = tree(vertices, np.vstack([faces, np.tile(faces[:1], (500, 1))]), 2)
+    middles = vertices[ball.edges_unique].mean(axis=1)
+    aim = np.vstack([vertices, middles, vertices[faces].mean(axis=1)])
+    hits = made.trace(np.zeros(3), aim / np.linalg.norm(aim, axis=1, keepdims=True))
+    assert np.all(hits["surface"] >= 0)
+    assert np.allclose(hits["distance"], 1.0, atol=0.005)
+
+
+def test_the_core_refuses_tables_that_do_not_belong_together() -> None:
+    corners, face = np.eye(3, dtype=np.float32), np.int32([[0, 1, 2]])
+    with pytest.raises(ValueError, match="a corner that is not there"):
+        _core.TriangleTree(corners, face + 1)
+    with pytest.raises(ValueError, match="origins"):
+        _core.TriangleTree(corners, face).cast(corners[:2], corners, 1)
+    renderer = MeshRenderer(wall(Material(WHITE)))
+    ray, hits = np.float32([[0, 1, 0]]), np.array([(7, 1.0, 0.5, 0.5)], HIT)
+    with pytest.raises(ValueError, match="a surface that is not in the scene"):
+        renderer._shader.shade(
+            renderer.lighting(), ray, np.zeros(1, np.float32), hits.view(np.uint8).reshape(1, -1), 1e-3, 1
+        )
 
 
 @pytest.mark.parametrize("preset", ["preset:ryu", "preset:pyramid"])
@@ -242,6 +277,22 @@ def test_frames_do_not_depend_on_threads() -> None:
         for n in (1, 3)
     ]
     assert np.array_equal(*images)
+
+
+def test_a_frame_is_the_same_without_embree(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig, room, lamp = resized(Rig.load("preset:ryu"), 0.2), room_quads(), Lamp((0.2, 0.1, 1.1), 1.0)
+    mesh = joined([quad(c, r, d, Material(picture)) for c, r, d, picture in room])
+
+    def frame(there: bool) -> NDArray[np.float32]:
+        monkeypatch.setattr(embree, "installed", lambda: there)
+        renderer = MeshRenderer(mesh, (lamp,))
+        assert isinstance(renderer.tree, EmbreeTree) == there
+        return Exposures(rig, renderer, CameraSettings()).radiance(still, 0.0)
+
+    if not embree.installed():
+        pytest.skip("pip install facetcam[sim]")
+    difference = np.abs(frame(True) - frame(False))
+    assert np.mean(difference > 1e-3) < 1e-3
 
 
 def test_lamps_follow_their_switches() -> None:

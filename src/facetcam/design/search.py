@@ -77,6 +77,10 @@ def search(
     if spec.family is None:
         raise ConfigError("search: a rig of its own has no parameters to change; give a family")
     wish, space = spec.search, _Space(spec)
+    if space.keeps_lens and not (wish.goal.coverage or wish.goal.baseline or wish.goal.overlap):
+        raise ConfigError(
+            "search: the lens alone decides pixels per degree; free it, as in bounds: {focal: [800, 2500]}"
+        )
     band = _band(math.radians(wish.band_degrees))
     seen: list[Qualities] = []
     scores: dict[bytes, float] = {}
@@ -188,6 +192,7 @@ class _Space:
             raise ConfigError("search: no parameter is free; give bounds with different ends")
         self.bounds: list[tuple[float, float]] = [ranges[name] for name in self._free]
         self.whole = [name == "faces" for name in self._free]
+        self.keeps_lens = self._camera.focal is not None and "focal" not in self._free
         now = [self._camera.focal if n == "focal" else getattr(self._family, n) for n in self._free]
         ends = np.array(self.bounds, dtype=np.float64)
         wished = np.array([ends[i].mean() if v is None else v for i, v in enumerate(now)], dtype=np.float64)

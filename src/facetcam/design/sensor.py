@@ -38,7 +38,7 @@ class SensorMap:
     per_degree : (H, W) array
         Pixels per degree there; mirrors do not change it.
     parasites : dict
-        Sequence of mirrors, joined by '>', to its share of the frame, largest first.
+        Sequence of mirrors, joined by '>', or 'NAME alone', to its share of the frame, largest first.
     amid : dict
         The first few of these sequences to the pixel (u, v) deepest within those that follow it.
     step : int
@@ -135,6 +135,7 @@ def _sequences(mirrors: NDArray[np.int8], names: list[str]) -> list[tuple[str, N
     followers = np.split(np.argsort(codes, kind="stable"), np.cumsum(counts)[:-1])
     rows = mirrors.T[first]
     words = [" > ".join(names[m] for m in row if m >= 0) for row in rows]
+    words = [w if row[1] >= 0 else f"{w} alone" for w, row in zip(words, rows)]  # then past all others
     return [(w if row[-1] < 0 else f"{w} > ...", who) for w, row, who in zip(words, rows, followers)]
 
 

@@ -16,9 +16,9 @@ from facetcam.pipelines.progress import Progress
 from facetcam.rig import Rig
 from facetcam.rig.presets import ryu
 from facetcam.simulation.drive import round_the_table, wheel_odometry
-from facetcam.simulation.film import Film
-from facetcam.simulation.renderer import Renderer
+from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
+from facetcam.simulation.settings import CameraSettings
 
 FPS = 10
 LENS = (-0.06, 0.012, 4e-4, -3e-4, 0.0)  # k1, k2, p1, p2, k3
@@ -66,7 +66,8 @@ def demo_rig() -> Rig:
 
 def demo_film(frames: int) -> Film:
     """Prepare the film of the first frames of the drive; nothing is rendered yet."""
-    return Film(demo_rig(), Renderer(furnished_room()), round_the_table(frames, FPS))
+    quick = CameraSettings(samples=2)
+    return Film(demo_rig(), renderer_of(furnished_room()), round_the_table(frames, FPS), settings=quick)
 
 
 def shoot(film: Film, folder: Path, progress: Progress) -> FilmFiles:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from facetcam.features import SIICF
 from facetcam.rig import Rig, View
+from facetcam.simulation.exposures import Exposures
 from facetcam.simulation.film import Film
-from facetcam.simulation.rays import FrameRays
 from facetcam.simulation.sensor import AutoExposure
 from facetcam.unwrapping import unwrap
 from facetcam.viz.report import Picture
@@ -55,13 +55,14 @@ class ViewPair:
 def view_pairs(film: Film, index: int, time: float = 0.0) -> list[ViewPair]:
     """Unwrap the frame `index` without noise, and render each of its views directly."""
     pose, sensor = film.drive.poses[index], film.sensor
-    radiance, _ = film.rays.render(film.renderer, pose, time)
+    radiance = film.radiance(index, time)
     exposure = AutoExposure().follow(radiance, time)
     unwrapper = unwrap(film.rig, margin=MARGIN)
     pairs = []
     for name, image in unwrapper(sensor.develop(radiance, exposure)).items():
         view = unwrapper.views[name]
         camera = Rig(view.camera, view.T_rig_view, {}, {"direct": View()})
-        light, _ = FrameRays(camera).render(film.renderer, pose, time)
+        direct = Exposures(camera, film.renderer, film.settings)
+        light = direct.radiance(lambda moment: pose, time)
         pairs.append(ViewPair(name, image, sensor.develop(light, exposure), unwrapper.mask(name)))
     return pairs

@@ -7,6 +7,7 @@ takes from `embreex` the library alone.
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import sys
 from functools import cache
 
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from facetcam import _core
 from facetcam.errors import FacetcamError
-from facetcam.simulation.renderer import HIT, Hits
+from facetcam.simulation.triangle_tree import TriangleTree
 
 Array32 = NDArray[np.float32]
 
@@ -23,6 +24,11 @@ Array32 = NDArray[np.float32]
 _TRIANGLES, _INDICES, _VERTICES = 0, 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
 _ROBUST = 4  # no ray slips through the edge of two triangles
+
+
+def installed() -> bool:
+    """Tell whether Embree is there; it has no package for Linux on ARM."""
+    return importlib.util.find_spec("embreex") is not None
 
 
 @cache
@@ -60,17 +66,8 @@ def _library() -> ctypes.CDLL:
     return library
 
 
-class TriangleTree:
-    """Triangles made ready for rays.
-
-    Parameters
-    ----------
-    vertices : (V, 3) array
-        Metres.
-    faces : (T, 3) array
-        Indices of corners.
-    threads : int
-        The result does not depend on it.
+class EmbreeTree(TriangleTree):
+    """Triangles made ready for rays by Embree.
 
     Raises
     ------
@@ -100,25 +97,8 @@ class TriangleTree:
             raise FacetcamError(f"scene: no memory for {len(rows)} triangles or corners; simplify the scene")
         ctypes.memmove(buffer, rows.ctypes.data, rows.nbytes)
 
-    def trace(self, origins: ArrayLike, directions: ArrayLike, threads: int | None = None) -> Hits:
-        """Nearest triangle on either side along rays; `surface` is its index, u and v its place.
-
-        Parameters
-        ----------
-        origins : (3,) or (N, 3) array
-        directions : (N, 3) array
-            Unit vectors.
-        threads : int, optional
-
-        Returns
-        -------
-        (N,) array of HIT
-        """
-        directions = np.ascontiguousarray(directions, dtype=np.float32)
-        origins = np.asarray(origins, dtype=np.float32).reshape(-1, 3)
-        origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape))
-        rows = _core.cast_triangles(self._address, self._scene, origins, directions, threads or self.threads)
-        return rows.view(HIT).ravel()
+    def _cast(self, origins: Array32, directions: Array32, threads: int) -> NDArray[np.uint8]:
+        return _core.cast_by_embree(self._address, self._scene, origins, directions, threads)
 
     def __del__(self) -> None:
         if getattr(self, "_scene", None):

@@ -4,43 +4,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from facetcam import _core
-from facetcam.simulation.embree import TriangleTree
-from facetcam.simulation.mesh_light import Lattices, bake_mesh, lattices
-from facetcam.simulation.meshes import Mesh, within_memory
-from facetcam.simulation.renderer import Hits, pack_mipmaps
+from facetcam.simulation import embree
+from facetcam.simulation.embree import EmbreeTree
+from facetcam.simulation.mesh_light import bake_mesh, lattices
+from facetcam.simulation.mesh_tables import shader_of, without_pictures
+from facetcam.simulation.meshes import Mesh
 from facetcam.simulation.scene import Lamp
+from facetcam.simulation.triangle_tree import Hits, TriangleTree
 
 Array32 = NDArray[np.float32]
 Progress = Callable[[int, int | None], None]
 
 LAYERS = 8  # clear surfaces that a ray passes at most
 _STEP = 1e-4  # metres beyond a clear surface where its ray goes on
-_NO_PICTURE = np.zeros((1, 1, 3), dtype=np.uint8)
-_TRIANGLE = np.dtype(
-    [
-        ("corner", np.int32, 3),
-        ("normal", np.float32, 3),
-        ("density", np.float32),
-        ("material", np.int32),
-        ("lattice", np.int32),
-        ("steps", np.int32),
-    ]
-)
-_MATERIAL = np.dtype(
-    [
-        ("texture", np.int32, 4),
-        ("colour", np.float32, 3),
-        ("glow", np.float32),
-        ("glow_texture", np.int32, 4),
-    ]
-)
-_NO_TINTS = np.zeros((0, 3), dtype=np.uint8)
 
 
 class MeshRenderer:
@@ -62,7 +42,12 @@ class MeshRenderer:
     Raises
     ------
     FacetcamError
-        If Embree is not installed or has no room for the scene.
+        If there is no room for the scene.
+
+    Attributes
+    ----------
+    coarser : int
+        How many pictures are coarser than they were, to keep memory small.
     """
 
     def __init__(
@@ -76,41 +61,13 @@ class MeshRenderer:
     ) -> None:
         self.threads = threads or len(os.sched_getaffinity(0))
         self.sky = np.array(sky, dtype=np.float32)
-        self.tree = TriangleTree(mesh.vertices, mesh.faces, self.threads)
+        tree = EmbreeTree if embree.installed() else TriangleTree
+        self.tree = tree(mesh.vertices, mesh.faces, self.threads)
         places = lattices(mesh)
-        self.coarser = self._prepare(mesh, places)
+        self._shader, self.coarser = shader_of(mesh, places)
+        self.mesh = without_pictures(mesh)
         self._light = bake_mesh(places, lamps, ambient, self.tree.trace, progress)
         self._clear = np.array([m.alpha is not None for m in mesh.materials])
-
-    def _prepare(self, mesh: Mesh, places: Lattices) -> int:
-        """Make the tables of the core; returns how many pictures had to be made coarser."""
-        # Pictures live on in the table of texels only.
-        bare = tuple(replace(m, picture=_NO_PICTURE, glow_picture=None) for m in mesh.materials)
-        self.mesh = replace(mesh, materials=bare)
-        distinct = {id(picture): picture for m in mesh.materials for picture in m.pictures}
-        pictures, coarser = within_memory(list(distinct.values()))
-        texels, layout = pack_mipmaps(pictures)
-        order = {key: index for index, key in enumerate(distinct)}
-        materials = np.zeros(len(mesh.materials), dtype=_MATERIAL)
-        for column, field in enumerate(("texture", "glow_texture")):
-            materials[field] = layout[[order[id(m.pictures[column])] for m in mesh.materials]]
-        materials["colour"] = [m.colour for m in mesh.materials]
-        materials["glow"] = [m.glow for m in mesh.materials]
-        triangles = np.zeros(len(mesh.faces), dtype=_TRIANGLE)
-        triangles["corner"], triangles["material"] = mesh.faces, mesh.material
-        triangles["lattice"], triangles["steps"] = places.first, places.steps
-        triangles["normal"], area = _normals(mesh)
-        size = materials["texture"][mesh.material, 1:3].astype(np.float64)
-        triangles["density"] = np.sqrt(_uv_area(mesh) * size.prod(axis=1) / area)
-        self._shader = _core.TriangleShader(
-            triangles.view(np.uint8).reshape(-1, _TRIANGLE.itemsize),
-            np.ascontiguousarray(mesh.uv, dtype=np.float32),
-            materials.view(np.uint8).reshape(-1, _MATERIAL.itemsize),
-            texels,
-            _NO_TINTS if mesh.tints is None else mesh.tints,
-            len(places.place),
-        )
-        return coarser
 
     def lighting(self, time: float = 0.0) -> Array32:
         """State of the lamps at a time in seconds, as `look` takes it."""
@@ -240,17 +197,3 @@ class MeshRenderer:
             value = material.alpha[row, column] / np.float32(255.0)
             opacity[some] = value if material.cutoff is None else value >= material.cutoff
         return opacity
-
-
-def _normals(mesh: Mesh) -> tuple[Array32, NDArray[np.float64]]:
-    """Unit normals (T, 3) and areas (T,) of triangles."""
-    a, b, c = mesh.vertices[mesh.faces].astype(np.float64).transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    length = np.maximum(np.linalg.norm(normal, axis=1), 1e-18)
-    return (normal / length[:, None]).astype(np.float32), length / 2
-
-
-def _uv_area(mesh: Mesh) -> NDArray[np.float64]:
-    a, b, c = mesh.uv[mesh.faces].astype(np.float64).transpose(1, 0, 2)
-    (x1, y1), (x2, y2) = (b - a).T, (c - a).T
-    return np.asarray(np.abs(x1 * y2 - x2 * y1) / 2)

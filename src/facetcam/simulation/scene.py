@@ -27,7 +27,7 @@ _FACES: dict[str, tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, i
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surface:
-    """A rectangle with a picture on its front; light passes through from behind.
+    """A rectangle with a picture.
 
     Parameters
     ----------

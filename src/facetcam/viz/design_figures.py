@@ -117,7 +117,7 @@ def tolerance_figure(report: ToleranceReport) -> str:
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.minorticks_off()
     axes.set_xlabel("root mean square error of each build (pixels); bars: medians")
-    legend_above(axes, 2)
+    legend_above(axes, 2, dots=2.5)
     return to_svg(figure)
 
 
@@ -203,12 +203,12 @@ def _outline(axes: Axes, analysis: Analysis, name: str, colour: str) -> None:
 
 
 def _elevations(analysis: Analysis) -> tuple[float, float]:
-    low = min(view.elevation[0] for view in analysis.views.values())
-    high = max(view.elevation[1] for view in analysis.views.values())
+    ends = np.array([view.elevation for view in analysis.views.values()])
+    if analysis.horizon > 0.0:
+        ends = np.vstack([ends, np.zeros((1, 2))])
     room = math.radians(8.0)
-    return math.degrees(max(min(low, 0.0) - room, -math.pi / 2)), math.degrees(
-        min(max(high, 0.0) + room, math.pi / 2)
-    )
+    low, high = max(ends.min() - room, -math.pi / 2), min(ends.max() + room, math.pi / 2)
+    return math.degrees(low), math.degrees(high)
 
 
 def _rgb(colour: str) -> tuple[float, float, float]:

@@ -45,6 +45,7 @@ def design_context(report: DesignReport) -> dict[str, Any]:
     return {
         "title": report.title,
         "verdict": verdict(analysis),
+        "sees_horizon": analysis.horizon > 0.0,
         "tiles": tiles(report),
         "facts": facts(report),
         "figures": figures(report),

@@ -137,10 +137,11 @@ def over_time(axes: Axes, seconds: Array, unit: str) -> None:
     axes.set_ylabel(unit)
 
 
-def legend_above(axes: Axes, columns: int) -> None:
+def legend_above(axes: Axes, columns: int, dots: float = 1.0) -> None:
+    """A legend above the axes; `dots` enlarges its markers."""
     axes.legend(
         loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, labelcolor=INK,
-        borderaxespad=0.2, handlelength=1.4, columnspacing=1.4,
+        borderaxespad=0.2, handlelength=1.4, columnspacing=1.4, markerscale=dots,
     )  # fmt: skip
 
 

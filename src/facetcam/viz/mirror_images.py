@@ -14,7 +14,8 @@ from facetcam.geometry import se3
 from facetcam.rig import Camera, Rig
 from facetcam.viz.figures import INK, MUTED, plain, to_svg
 from facetcam.viz.palette import view_colour
-from facetcam.viz.rig_figures import MIRROR_COLOUR, MM, frame_axes
+from facetcam.viz.rig_figures import MIRROR_COLOUR, MM
+from facetcam.viz.space import frame_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,7 +129,7 @@ def _project_in_space(axes: Any, rig: Rig, target: Array) -> None:
             axes.plot(*(MM * np.stack([centre, corner], axis=1)), color=MUTED, lw=0.8)
     axes.plot(*(MM * centre)[:, None], "o", color=INK, ms=6)
     axes.text(*(MM * centre), "   lens", color=INK, fontsize=9, va="bottom")
-    frame_axes(axes, MM * np.vstack([centre[None], target, frame]), 1.05)
+    frame_axes(axes, MM * np.vstack([centre[None], target, frame]))
 
 
 def _first_rings(rig: Rig) -> list[Array]:

@@ -15,6 +15,7 @@ from facetcam.rig import Rig
 from facetcam.rig.tracing import Tracer
 from facetcam.viz.figures import CARD, ERROR_COLOUR, INK, MUTED, plain, to_svg
 from facetcam.viz.palette import view_colour
+from facetcam.viz.space import empty_space, frame_axes, on_page
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,38 +32,29 @@ _PAPER = {"facecolor": CARD, "alpha": 0.85, "edgecolor": "none", "pad": 1.0}  # 
 
 def rig_figure(analysis: Analysis, body: Body) -> str:
     """The rig in space: mirrors, camera, a few rays of each view, and the virtual cameras as open circles."""
-    from matplotlib.figure import Figure
-
     rig = analysis.rig
-    figure = Figure(figsize=(7.2, 5.6), facecolor="none")
-    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", facecolor="none")
-    axes.set_axis_off()
-    axes.view_init(elev=24, azim=-62)
+    figure, axes = empty_space(7.2, 5.6)
     shown = [_draw_solids(axes, rig, body)]
-    size = float(np.ptp(shown[0], axis=0).max())
+    size, ends = float(np.ptp(shown[0], axis=0).max()), dict[str, Array]()
     for index, name in enumerate(rig.views):
         colour = view_colour(index)
-        for ray in _spread_rays(analysis, name):
-            path = ray_path(rig, ray, 0.55 * size)
+        paths = [ray_path(rig, ray, 0.55 * size) for ray in _spread_rays(analysis, name)]
+        for path in paths:
             axes.plot(*(MM * path).T, color=colour, lw=1.1, alpha=0.9)
-            shown.append(path)
+        shown += paths
+        ends[name] = np.array([path[-1] for path in paths])
         centre = MM * analysis.views[name].centre
         axes.plot(*centre[:, None], "o", ms=6, mfc="none", mec=colour, mew=1.6)
         shown.append(centre[None] / MM)
-        _name_view(axes, path[-1], name, colour)
     frame_axes(axes, MM * np.vstack(shown))
+    _name_views(axes, ends, shown[0].mean(axis=0))
     return to_svg(figure)
 
 
 def stray_figure(analysis: Analysis, body: Body) -> str:
     """The parasitic paths of the largest shares in space: the ray of the pixel deepest within each."""
-    from matplotlib.figure import Figure
-
     rig, sensor = analysis.rig, analysis.sensor
-    figure = Figure(figsize=(6.4, 4.4), facecolor="none")
-    axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", facecolor="none")
-    axes.set_axis_off()
-    axes.view_init(elev=24, azim=-62)
+    figure, axes = empty_space(6.4, 4.4)
     shown = [_draw_solids(axes, rig, body)]
     size = float(np.ptp(shown[0], axis=0).max())
     for style, (words, pixel) in zip(_STRAY_LINES, sensor.amid.items()):
@@ -70,7 +62,7 @@ def stray_figure(analysis: Analysis, body: Body) -> str:
         label = f"{words} ({100 * sensor.parasites[words]:.1f} %)"
         axes.plot(*(MM * path).T, style, color=ERROR_COLOUR, lw=1.6, label=label)
         shown.append(path)
-    frame_axes(axes, MM * np.vstack(shown), zoom=1.1)
+    frame_axes(axes, MM * np.vstack(shown))
     axes.legend(loc="upper left", frameon=False, labelcolor=INK, fontsize=9)
     return to_svg(figure)
 
@@ -172,16 +164,17 @@ def _draw_solids(axes: Any, rig: Rig, body: Body) -> Array:
     return np.vstack([*drawn, *faces])
 
 
-def _name_view(axes: Any, where: Array, name: str, colour: str) -> None:
-    axes.text(*(MM * where), name, color=colour, fontsize=10, fontweight="bold", ha="center")
-
-
-def frame_axes(axes: Any, points: Array, zoom: float = 1.45) -> None:
-    """Show all points (N, 3) in a picture in space, with equal scales."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    for setter, a, b in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high):
-        setter(a, b)
-    axes.set_box_aspect(np.maximum(high - low, 1e-3), zoom=zoom)
+def _name_views(axes: Any, ends: dict[str, Array], middle: Array) -> None:
+    """Write each name where a ray of the view ends (N, 3), on paper far from the other names and the rig."""
+    taken = [on_page(axes, MM * middle[None])[0]]
+    for index, (name, places) in enumerate(ends.items()):
+        flat = on_page(axes, MM * places)
+        chosen = int(np.argmax(np.linalg.norm(flat[:, None] - np.array(taken), axis=2).min(axis=1)))
+        taken.append(flat[chosen])
+        axes.text(
+            *(MM * places[chosen]), name, color=view_colour(index), fontsize=10, fontweight="bold",
+            ha="center", bbox=_PAPER, zorder=20,
+        )  # fmt: skip
 
 
 def _dimensions(axes: Axes, family: Family, across: int) -> None:
