@@ -66,7 +66,8 @@ def _require_majority(fit: Fit) -> None:
     if len(tied) >= _FEWEST and len(odd) > _NEARLY_ALL * len(tied):
         raise FacetcamError(
             f"calibration: in {len(odd)} of {len(tied)} photos the boards do not stand as in the others; if"
-            " they are not fixed to each other say 'fixed: false' in boards.yaml, else check that the rig file fits"
+            " they are not fixed to each other say 'fixed: false' in boards.yaml,"
+            " else check that the rig file fits"
         )
 
 
