@@ -237,6 +237,7 @@ def test_a_file_that_is_no_scene_is_refused_in_our_own_words(
         ("x,y\n0,0\n", "two or more finite points, got 1"),
         ("x,y\n", "two or more finite points, got 0"),
         ("x,y\n0,0\nnan,1\n", "points.csv line 3: 'nan,1' is no place"),
+        ("x,y\n0,0\n1e9,0\n", "1e+09 m at 0.75 m/s"),
         ("x,y\n0,0\n0,0\n1,2\n", "points 1 and 2 are one place"),
         ("x,y\n0,0\n1,east\n", "points.csv line 3: expected two numbers"),
     ],

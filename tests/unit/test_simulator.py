@@ -346,6 +346,12 @@ def test_a_drive_goes_through_its_points_at_its_speed() -> None:
         through(points[:1], 10)
 
 
+@pytest.mark.parametrize("wrong", [{"speed": np.inf}, {"speed": np.nan}, {"height": np.nan}, {"fps": 1e12}])
+def test_a_drive_that_is_none_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(FacetcamError, match="drive: "):
+        through(np.array([[0.0, 0.0], [1.0, 0.0]]), **{"fps": 10.0, **wrong})
+
+
 def test_odd_paths_are_said() -> None:
     renderer = MeshRenderer(glowing(room_quads()))
 

@@ -13,6 +13,7 @@ from facetcam.geometry import se3
 Array = NDArray[np.float64]
 
 SPEED = 0.75  # metres a second, reached within the first second
+MOST_FRAMES = 1_000_000  # a day at 11 frames a second
 WHEELBASE = 0.3  # metres over which bumps tilt the robot
 BUMPS = ((1.2, 0.15), (3.4, 0.4), (5.6, 0.2))  # metres along the path, half width in metres
 
@@ -77,7 +78,7 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
     Raises
     ------
     FacetcamError
-        If there are too few points, neighbouring ones coincide, or a number is not above zero.
+        If there are too few points, neighbouring ones coincide, a number is not above zero, or there are too many frames.
     """
     points = np.asarray(waypoints, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -86,8 +87,13 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
     if apart.min() < 1e-6:
         k = int(np.argmin(apart)) + 1
         raise FacetcamError(f"waypoints: points {k} and {k + 1} are one place; leave one of them out")
-    if not (fps > 0 and speed > 0):
-        raise FacetcamError(f"drive: fps {fps:g} and speed {speed:g} must be above zero")
+    if not (0 < fps < np.inf and 0 < speed < np.inf):
+        raise FacetcamError(f"drive: fps {fps:g} and speed {speed:g} must be above zero and finite")
+    if not (np.isfinite(height) and apart.sum() / speed * fps < MOST_FRAMES):
+        raise FacetcamError(
+            f"drive: {apart.sum():g} m at {speed:g} m/s and {fps:g} frames/s, {height:g} m high, is no drive; "
+            f"below {MOST_FRAMES} frames and a finite height make one"
+        )
     from scipy.interpolate import CubicSpline
 
     closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
