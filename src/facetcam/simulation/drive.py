@@ -78,7 +78,8 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
     Raises
     ------
     FacetcamError
-        If there are too few points, neighbouring ones coincide, a number is not above zero, or there are too many frames.
+        If there are too few points or too many frames, neighbouring points coincide, or a number is not above
+        zero and finite.
     """
     points = np.asarray(waypoints, dtype=np.float64).reshape(-1, 2)
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -91,7 +92,7 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
         raise FacetcamError(f"drive: fps {fps:g} and speed {speed:g} must be above zero and finite")
     if not (np.isfinite(height) and apart.sum() / speed * fps < MOST_FRAMES):
         raise FacetcamError(
-            f"drive: {apart.sum():g} m at {speed:g} m/s and {fps:g} frames/s, {height:g} m high, is no drive; "
+            f"drive: {apart.sum():g} m at {speed:g} m/s and {fps:g} frames/s, {height:g} m high, is none; "
             f"below {MOST_FRAMES} frames and a finite height make one"
         )
     from scipy.interpolate import CubicSpline
