@@ -12,7 +12,7 @@ from facetcam.calibration.result import Finding
 
 _FEWEST = 3  # distances that tell a common scale from one mirror that is off
 _LEAST = 0.02  # of a difference that is worth a word
-_ALIKE = 8.0  # times the distances' own scatter, which mirrors that are off each in its own way do not reach
+_ALIKE = 8.0  # times the distances' own scatter: mirrors may be off each in its own way
 _SANE = 1.5  # factor up to which the solve is near enough to tell the size that would fit
 
 
