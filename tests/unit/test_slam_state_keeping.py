@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from slam_worlds import folded, in_sight, look, winding_path
 
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.simulation.drive import round_the_table, wheel_odometry
 from facetcam.slam.frame import Corners, make_frame
 from facetcam.slam.map import Keyframe, Map, Observations, Points
+from facetcam.slam.measure import Measurements
 from facetcam.slam.odometry import planar_motion, planar_pose
+from facetcam.slam.optics import Optics
 from facetcam.slam.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -85,6 +90,24 @@ def test_frames_follow_the_scale_of_their_keyframe() -> None:
     (after,) = trajectory.poses()[1]
     np.testing.assert_allclose(after[:3, 3], 2.0 * pose[:3, 3], atol=1e-12)
     np.testing.assert_allclose(after[:3, :3], pose[:3, :3], atol=1e-12)
+
+
+def test_poses_are_found_again_from_what_frames_saw() -> None:
+    """Frames were placed in a map that was wrong; of the last one the map has lost nearly all points."""
+    optics, rng, path = Optics(folded(), 8.0), np.random.default_rng(5), winding_path(5)
+    points, wrong = in_sight(optics, path, rng, 1500), moved(0.01, -0.02, 0.01, 0.05, -0.03, 0.04)
+    hung, trajectory = keyframe(0, path[0]), Trajectory()
+    for time, T in enumerate(path):
+        seen = look(optics, T, points[300 * time : 300 * time + 300])
+        found = Measurements(seen.point + 300 * time, seen.view, seen.pixels, seen.plane)
+        trajectory.add(0.1 * time, T @ wrong, hung, found)
+    alive = np.arange(len(points)) < 4 * 300 + 8
+    map = SimpleNamespace(points=SimpleNamespace(xyz=points, alive=alive), readout=0.0)
+    trajectory.solve_again(map, optics, 0.5)
+    np.testing.assert_allclose(trajectory.poses()[1][:4], path[:4], atol=1e-5)
+    np.testing.assert_allclose(trajectory.last(), path[4] @ wrong, atol=1e-12)
+    hung.T_world_rig = wrong @ hung.T_world_rig  # found again, they still follow the map
+    np.testing.assert_allclose(trajectory.poses()[1][2], wrong @ path[2], atol=1e-5)
 
 
 def test_poses_come_in_the_order_of_time() -> None:

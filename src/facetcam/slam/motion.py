@@ -11,6 +11,7 @@ from facetcam.geometry import se3
 from facetcam.slam.map import Keyframe
 from facetcam.slam.odometry import planar_motion
 from facetcam.slam.starting import Start
+from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.trust import Reckoning
 from facetcam.slam.uncertainty import reckoned_covariance
@@ -48,8 +49,8 @@ class Motion:
 
     def begin(self, start: Start) -> None:
         """A map was started from two frames; those in between have poses, too."""
-        for timestamp, T in start.solved:
-            self.trajectory.add(timestamp, T, start.first)
+        for timestamp, fix in start.solved:
+            self.trajectory.add(timestamp, fix.T_world_rig, start.first, fix.seen)
         for keyframe in (start.first, start.last):
             self.trajectory.add(keyframe.timestamp, keyframe.T_world_rig, keyframe)
         self._T_step, self._step, self.placed = start.T_step, start.step, True
@@ -76,13 +77,13 @@ class Motion:
             return None
         return self._reckoning.further(planar_motion(self.odometry, odometry, 0.0)[0])
 
-    def follow(self, timestamp: float, T_world_rig: Array, keyframe: Keyframe) -> None:
+    def follow(self, timestamp: float, fix: Fix, keyframe: Keyframe) -> None:
         """Sight has found the rig."""
         if self.placed:
-            step = se3.inverse(self.trajectory.last()) @ T_world_rig
+            step = se3.inverse(self.trajectory.last()) @ fix.T_world_rig
             self._T_step = np.eye(4) if self.lost_frames else step
             self._step = timestamp - self.trajectory.last_timestamp
-        self.trajectory.add(timestamp, T_world_rig, keyframe)
+        self.trajectory.add(timestamp, fix.T_world_rig, keyframe, fix.seen)
         self.lost_frames, self.placed, self._reckoning = 0, True, None
 
     def lose(self, odometry: Array | None, wheels_proven: bool) -> None:

@@ -55,7 +55,7 @@ class Start:
 
     first: Keyframe
     last: Keyframe
-    solved: list[tuple[float, Array]]
+    solved: list[tuple[float, Fix]]
     T_step: Array
     step: float
 
@@ -166,17 +166,17 @@ class Starter:
 
     def _between(
         self, a: Keyframe, b: Keyframe, waiting: list[Waiting]
-    ) -> tuple[list[tuple[float, Array]], float]:
+    ) -> tuple[list[tuple[float, Fix]], float]:
         """Poses of the frames between the first keyframes, and the share of these frames that fit."""
         solved = []
         for between in waiting[1:-1]:
             time = between.frame.timestamp
             fix = self._tracker.find(between.frame, _interpolated(a, b, time))
             if _is_clear(fix):
-                solved.append((time, fix.T_world_rig))
+                solved.append((time, fix))
         return solved, len(solved) / (len(waiting) - 2) if len(waiting) > 2 else 1.0
 
-    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Array]]:
+    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
         """Poses of the frames that were left behind, from the first keyframe backwards."""
         solved = []
         T = a.T_world_rig
@@ -185,7 +185,7 @@ class Starter:
             if not _is_clear(fix):
                 break
             T = fix.T_world_rig
-            solved.append((before.frame.timestamp, T))
+            solved.append((before.frame.timestamp, fix))
         return solved
 
 

@@ -174,7 +174,7 @@ class Slam:
         """Believe a pose; tells whether a keyframe is due."""
         self._tracker.record(fix)
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
-        self._motion.follow(timestamp, fix.T_world_rig, nearest)
+        self._motion.follow(timestamp, fix, nearest)
         self._trust.accept()
         return is_due(fix, nearest, distance, self.config)
 
@@ -280,6 +280,7 @@ class Slam:
                 self._grower.adjust_all(last=True)
                 if self.config.refine_rig:
                     self._refine_rig()
+                self._motion.trajectory.solve_again(self._map, self._parts.optics, self.config.pixel_sigma)
 
     def _refine_rig(self) -> None:
         parts = self._parts

@@ -1,20 +1,43 @@
-"""The poses of all frames, hung on keyframes so that they follow when the map is adjusted."""
+"""The poses of all frames: hung on keyframes, so that they follow the map, and solved again in the end."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.map import Keyframe
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measure import Measurements
+from facetcam.slam.optics import Optics
+from facetcam.slam.pose import refine_pose
+from facetcam.slam.shutter import sweep
 
 Array = NDArray[np.float64]
 
 _NEAR = 0.3  # seconds within which a motion goes on
 _RECENT = 1000  # frames
+_LEAST_SEEN = 12  # points of a frame that the map must still have for its pose to be solved again
+_LEAST_SHARE = 0.5  # and the share of those it was found by
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Points that agreed with the pose of a frame, in little memory."""
+
+    point: NDArray[np.int32]
+    view: NDArray[np.int8]
+    pixels: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, seen: Measurements) -> Self:
+        return cls(seen.point.astype(np.int32), seen.view, seen.pixels.astype(np.float32))
+
+    def take(self, rows: NDArray[np.bool_]) -> _Seen:
+        return _Seen(self.point[rows], self.view[rows], self.pixels[rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +46,7 @@ class _Hung:
     keyframe: Keyframe
     T_keyframe_rig: Array
     scale: float  # of the keyframe when the pose was found
+    seen: _Seen | None = None
 
     def T_world_rig(self) -> Array:
         T = self.T_keyframe_rig.copy()
@@ -36,10 +60,13 @@ class Trajectory:
 
     _frames: list[_Hung] = field(default_factory=list)
 
-    def add(self, timestamp: float, T_world_rig: Array, keyframe: Keyframe) -> None:
-        """Hang the pose of a frame on a keyframe."""
+    def add(
+        self, timestamp: float, T_world_rig: Array, keyframe: Keyframe, seen: Measurements | None = None
+    ) -> None:
+        """Hang the pose of a frame, and what it has been found by, on a keyframe."""
         T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
-        self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale))
+        kept = None if seen is None else _Seen.of(seen)
+        self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale, kept))
 
     def rehang(self, keyframe: Keyframe) -> None:
         """Let the frame that has become a keyframe follow itself."""
@@ -58,6 +85,25 @@ class Trajectory:
         a, b = near[max(at - 1, 0)], near[min(at + 1, len(near) - 1)]
         T_a_b = se3.inverse(a.T_world_rig()) @ b.T_world_rig()
         return np.asarray(se3.log(T_a_b) / (b.timestamp - a.timestamp))
+
+    def solve_again(self, map: Map, optics: Optics, sigma: float) -> None:
+        """Find each pose again from what the frame saw, in the map as it has become."""
+        self._frames.sort(key=lambda f: f.timestamp)
+        for i, frame in enumerate(self._frames):
+            rows = np.empty(0, bool) if frame.seen is None else map.points.alive[frame.seen.point]
+            if frame.seen is not None and rows.sum() >= max(_LEAST_SEEN, _LEAST_SHARE * len(rows)):
+                T = self._again(frame, frame.seen.take(rows), map, optics, sigma)
+                T_keyframe_rig = se3.inverse(frame.keyframe.T_world_rig) @ T
+                self._frames[i] = replace(frame, T_keyframe_rig=T_keyframe_rig, scale=frame.keyframe.scale)
+
+    def _again(self, frame: _Hung, seen: _Seen, map: Map, optics: Optics, sigma: float) -> Array:
+        """Pose of a frame from points that the map still has, as a global shutter would show them."""
+        T, xyz, pixels = frame.T_world_rig(), map.points.xyz[seen.point], seen.pixels.astype(np.float64)
+        plane = optics.plane(pixels, seen.view)
+        if map.readout:
+            velocity = self.velocity(frame.timestamp)
+            plane -= map.readout * sweep(T, velocity, xyz, seen.view, pixels, optics)
+        return refine_pose(T, xyz, seen.view, plane, optics, sigma).T_world_rig
 
     @property
     def last_timestamp(self) -> float:
