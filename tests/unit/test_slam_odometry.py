@@ -98,6 +98,15 @@ def test_a_wrong_unit_of_length_is_refused(metric: bool, factor: float) -> None:
     assert float(check.complaint.split()[2]) == pytest.approx(factor, rel=0.1)  # "it goes 3.28 times ..."
 
 
+def test_a_unit_that_a_guessed_scale_let_pass_is_refused_once_the_scale_is_proven() -> None:
+    check = judged(drive(TIMES) * [3.28, 3.28, 1.0])
+    assert not check.complaint
+    check.conclude(metric=False)
+    assert not check.complaint
+    check.conclude(metric=True)
+    assert "x and y are in metres" in check.complaint
+
+
 @pytest.mark.parametrize("wheels", [drive(TIMES) * [-1, -1, 1], drive(TIMES)[:, [1, 0, 2]] * [-1, 1, 1]])
 def test_another_way_is_refused(wheels: Array) -> None:
     """Backwards, and sideways."""

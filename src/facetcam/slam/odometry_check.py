@@ -79,6 +79,11 @@ class OdometryCheck:
         self._last = None if T_world_rig is None else (timestamp, T_world_rig.copy())
         self._last_row = odometry
 
+    def conclude(self, metric: bool) -> None:
+        """Judge the ways once more at the end, when the scale may be proven that was not before."""
+        if not self.complaint:
+            self._judge_ways(metric)
+
     @property
     def agrees(self) -> bool:
         """True while wheels and images went the same way lately: such wheels can be asked in the dark."""

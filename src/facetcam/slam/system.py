@@ -278,9 +278,17 @@ class Slam:
             self._checking.wait()
             if not self._localise_only:
                 self._grower.adjust_all(last=True)
+                self._conclude_odometry()
                 if self.config.refine_rig:
                     self._refine_rig()
                 self._motion.trajectory.solve_again(self._map, self._parts.optics, self.config.pixel_sigma)
+
+    def _conclude_odometry(self) -> None:
+        known = self.odometry_check.complaint
+        self.odometry_check.conclude(self.metric)
+        if self.odometry_check.complaint != known:
+            self._refuse_odometry()
+            self._mapping.wait()
 
     def _refine_rig(self) -> None:
         parts = self._parts
