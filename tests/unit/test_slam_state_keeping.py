@@ -110,6 +110,33 @@ def test_poses_are_found_again_from_what_frames_saw() -> None:
     np.testing.assert_allclose(trajectory.poses()[1][2], wrong @ path[2], atol=1e-5)
 
 
+def rolled(optics: Optics, T: Array, twist: Array, readout: float, points: Array) -> Measurements:
+    """What a rig that moves by a twist a second sees of points while its rows are read one by one."""
+    seen, height = look(optics, T, points), optics.camera.height
+    pixels = seen.pixels.copy()
+    for _ in range(3):
+        late = readout * (pixels[:, 1] / (height - 1) - 0.5)
+        for row, (point, view, time) in enumerate(zip(seen.point, seen.view, late)):
+            place = se3.transform(se3.inverse(T @ se3.exp(time * twist)), points[[point]])
+            pixels[row] = optics.rig.project(optics.names[view], place)[0][0]
+    return Measurements(seen.point, seen.view, pixels, seen.plane)
+
+
+def test_poses_behind_a_rolling_shutter_are_those_of_the_middle_row_however_long_ago() -> None:
+    optics, rng, twist = Optics(folded(), 8.0), np.random.default_rng(6), np.array([0, 0, 0.3, 0.2, 0.8, 0])
+    path = [se3.exp(0.1 * k * twist) for k in range(5)]
+    points, hung, trajectory = in_sight(optics, np.array(path), rng, 300), keyframe(0, path[0]), Trajectory()
+    for time, T in enumerate(path):
+        trajectory.add(0.1 * time, T, hung, rolled(optics, T, twist, 0.03, points))
+    for time in range(5, 1200):
+        trajectory.add(0.1 * time, path[-1], hung)
+    map = SimpleNamespace(points=SimpleNamespace(xyz=points, alive=np.ones(len(points), bool)), readout=0.03)
+    trajectory.solve_again(map, optics, 0.5)
+    np.testing.assert_allclose(trajectory.poses()[1][1:4], path[1:4], atol=1e-3)
+    trajectory.solve_again(SimpleNamespace(points=map.points, readout=0.0), optics, 0.5)
+    assert np.abs(trajectory.poses()[1][1:4] - path[1:4]).max() > 2e-3  # a shutter taken for a global one
+
+
 def test_poses_come_in_the_order_of_time() -> None:
     trajectory, hung = Trajectory(), keyframe(0, np.eye(4))
     for time in (3.0, 1.0, 2.0):

@@ -19,7 +19,7 @@ from facetcam.slam.measure import measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale_evidence import LARGEST, Evidence, scale_evidence
 from facetcam.slam.scale_search import homes, rescale, scaled
-from facetcam.slam.shutter import sweep
+from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -119,9 +119,9 @@ class Handovers:
 
     def _plane(self, keyframe: Keyframe, found: HandedOver) -> Array:
         """Where they lie on the ideal pinholes, as a global shutter would show them."""
-        xyz, T = self._map.points.xyz[found.point], keyframe.T_world_rig
-        swept = sweep(T, keyframe.velocity, xyz, found.view, found.pixels, self._optics)
-        return self._optics.plane(found.pixels, found.view) - self._map.readout * swept
+        xyz, readout = self._map.points.xyz[found.point], self._map.readout
+        seen = (found.view, found.pixels)
+        return at_one_moment(keyframe.T_world_rig, keyframe.velocity, xyz, *seen, readout, self._optics)
 
     def _add(self, agrees: NDArray[np.bool_]) -> None:
         """Let keyframes see those of their living hand-overs that agree."""

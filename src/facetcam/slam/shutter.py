@@ -41,3 +41,20 @@ def sweep(
     height = optics.camera.height
     late = (pixels[:, 1] - (height - 1) / 2.0) / max(height - 1, 1)
     return np.asarray(late[:, None] * (J @ velocity))
+
+
+def at_one_moment(
+    T_world_rig: Array,
+    velocity: Array,
+    xyz: Array,
+    view: NDArray[np.int8],
+    pixels: Array,
+    readout: float,
+    optics: Optics,
+) -> Array:
+    """Where points seen at `pixels` lie on the ideal pinholes (N, 2), as a global shutter would show them.
+
+    `readout` is in seconds, the rest as in `sweep`.
+    """
+    plane = optics.plane(pixels, view)
+    return plane - readout * sweep(T_world_rig, velocity, xyz, view, pixels, optics) if readout else plane

@@ -281,7 +281,9 @@ class Slam:
                 self._conclude_odometry()
                 if self.config.refine_rig:
                     self._refine_rig()
-                self._motion.trajectory.solve_again(self._map, self._parts.optics, self.config.pixel_sigma)
+                with self._map.lock:
+                    sigma = self.config.pixel_sigma
+                    self._motion.trajectory.solve_again(self._map, self._parts.optics, sigma)
 
     def _conclude_odometry(self) -> None:
         known = self.odometry_check.complaint

@@ -14,7 +14,7 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import refine_pose
-from facetcam.slam.shutter import sweep
+from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 
@@ -78,13 +78,9 @@ class Trajectory:
     def velocity(self, timestamp: float) -> Array:
         """Right-hand twist (6,) a second at a recent frame, from its neighbours in time; zero without any."""
         near = [f for f in self._frames[-_RECENT:] if abs(f.timestamp - timestamp) < _NEAR]
-        if len(near) < 2:
-            return np.zeros(6)
         near.sort(key=lambda f: f.timestamp)
         at = bisect_left(near, timestamp, key=lambda f: f.timestamp)
-        a, b = near[max(at - 1, 0)], near[min(at + 1, len(near) - 1)]
-        T_a_b = se3.inverse(a.T_world_rig()) @ b.T_world_rig()
-        return np.asarray(se3.log(T_a_b) / (b.timestamp - a.timestamp))
+        return _velocity(near[max(at - 1, 0) : at + 2])
 
     def solve_again(self, map: Map, optics: Optics, sigma: float) -> None:
         """Find each pose again from what the frame saw, in the map as it has become."""
@@ -92,18 +88,11 @@ class Trajectory:
         for i, frame in enumerate(self._frames):
             rows = np.empty(0, bool) if frame.seen is None else map.points.alive[frame.seen.point]
             if frame.seen is not None and rows.sum() >= max(_LEAST_SEEN, _LEAST_SHARE * len(rows)):
-                T = self._again(frame, frame.seen.take(rows), map, optics, sigma)
+                about = self._frames[max(i - 1, 0) : i + 2]
+                velocity = _velocity([f for f in about if abs(f.timestamp - frame.timestamp) < _NEAR])
+                T = _found_again(frame.T_world_rig(), velocity, frame.seen.take(rows), map, optics, sigma)
                 T_keyframe_rig = se3.inverse(frame.keyframe.T_world_rig) @ T
                 self._frames[i] = replace(frame, T_keyframe_rig=T_keyframe_rig, scale=frame.keyframe.scale)
-
-    def _again(self, frame: _Hung, seen: _Seen, map: Map, optics: Optics, sigma: float) -> Array:
-        """Pose of a frame from points that the map still has, as a global shutter would show them."""
-        T, xyz, pixels = frame.T_world_rig(), map.points.xyz[seen.point], seen.pixels.astype(np.float64)
-        plane = optics.plane(pixels, seen.view)
-        if map.readout:
-            velocity = self.velocity(frame.timestamp)
-            plane -= map.readout * sweep(T, velocity, xyz, seen.view, pixels, optics)
-        return refine_pose(T, xyz, seen.view, plane, optics, sigma).T_world_rig
 
     @property
     def last_timestamp(self) -> float:
@@ -128,3 +117,18 @@ class Trajectory:
         frames = sorted(self._frames, key=lambda f: f.timestamp)
         poses = np.array([f.T_world_rig() for f in frames]).reshape(-1, 4, 4)
         return np.array([f.timestamp for f in frames]), poses
+
+
+def _velocity(frames: list[_Hung]) -> Array:
+    """Right-hand twist (6,) a second from the first to the last of some frames; zero without two."""
+    if len(frames) < 2:
+        return np.zeros(6)
+    T = se3.inverse(frames[0].T_world_rig()) @ frames[-1].T_world_rig()
+    return np.asarray(se3.log(T) / (frames[-1].timestamp - frames[0].timestamp))
+
+
+def _found_again(T: Array, velocity: Array, seen: _Seen, map: Map, optics: Optics, sigma: float) -> Array:
+    """Pose from points that the map still has."""
+    xyz, pixels = map.points.xyz[seen.point], seen.pixels.astype(np.float64)
+    plane = at_one_moment(T, velocity, xyz, seen.view, pixels, map.readout, optics)
+    return refine_pose(T, xyz, seen.view, plane, optics, sigma).T_world_rig
