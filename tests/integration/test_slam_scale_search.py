@@ -39,10 +39,8 @@ def test_a_map_of_the_wrong_scale_is_found_out_and_mended() -> None:
         adjuster.adjust_all(last=True)
         assert abs(scale_error(map.poses()[:, :3, 3], true)) < 0.03
     handovers = mapper.handovers
-    for factor in (
-        0.85,
-        1.15,
-    ):  # chosen sightings cannot hold a wrong scale: those sought at all scales deny it
+    # Chosen sightings cannot hold a wrong scale: those sought at all scales deny it.
+    for factor in (0.85, 1.15):
         rescale(map, factor, slam._parts.optics)
         adjuster.adjust_coarsely()
         for keyframe in map.keyframes:

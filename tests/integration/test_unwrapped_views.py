@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from facetcam.pipelines.demo_film import FPS, LENS, demo_rig
@@ -15,7 +14,7 @@ from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
 
-LEAST = 35.0  # decibels
+LEAST = 40.0  # decibels
 PLACE = 50  # frame of the drive
 
 
@@ -31,7 +30,6 @@ def test_unwrapped_views_agree_with_direct_ones(rig: Rig, room: MeshRenderer) ->
     through_a_lens = replace(rig, camera=replace(rig.camera, distortion=LENS))
     film = Film(through_a_lens, room, round_the_table(PLACE + 1, FPS))
     pairs = view_pairs(film, PLACE)
-    print({pair.name: round(pair.psnr, 1) for pair in pairs})
     assert {pair.name for pair in pairs} == set(rig.view_names)
     assert {pair.name: pair.psnr for pair in pairs if pair.psnr < LEAST} == {}
     assert all((pair.mask > 0).mean() > 0.2 for pair in pairs)
@@ -39,10 +37,6 @@ def test_unwrapped_views_agree_with_direct_ones(rig: Rig, room: MeshRenderer) ->
 
 def test_a_shift_by_one_pixel_does_not_pass(room: MeshRenderer) -> None:
     film = Film(demo_rig(), room, round_the_table(PLACE + 1, FPS))
-    loss = []
     for pair in view_pairs(film, PLACE):
         shifted = replace(pair, direct=pair.direct[:, [*range(1, pair.direct.shape[1]), 0]])
-        loss.append((pair.psnr - shifted.psnr, shifted.psnr))
-    less, left = np.min(loss, axis=0)
-    assert less > 7.0
-    assert left < LEAST - 3.0
+        assert shifted.psnr < LEAST - 3.0
