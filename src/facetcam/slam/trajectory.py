@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 
 _NEAR = 0.3  # seconds within which a motion goes on
 _RECENT = 1000  # frames
-_LEAST_SEEN = 12  # points of a frame that the map must still have for its pose to be solved again
-_LEAST_SHARE = 0.5  # and the share of those it was found by
+_LEAST_SEEN = 20  # points of a frame that the map must still have for its pose to be solved again
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +85,11 @@ class Trajectory:
         """Find each pose again from what the frame saw, in the map as it has become."""
         self._frames.sort(key=lambda f: f.timestamp)
         for i, frame in enumerate(self._frames):
-            rows = np.empty(0, bool) if frame.seen is None else map.points.alive[frame.seen.point]
-            if frame.seen is not None and rows.sum() >= max(_LEAST_SEEN, _LEAST_SHARE * len(rows)):
+            seen = None if frame.seen is None else frame.seen.take(map.points.alive[frame.seen.point])
+            if seen is not None and len(seen.point) >= _LEAST_SEEN:
                 about = self._frames[max(i - 1, 0) : i + 2]
                 velocity = _velocity([f for f in about if abs(f.timestamp - frame.timestamp) < _NEAR])
-                T = _found_again(frame.T_world_rig(), velocity, frame.seen.take(rows), map, optics, sigma)
+                T = _found_again(frame.T_world_rig(), velocity, seen, map, optics, sigma)
                 T_keyframe_rig = se3.inverse(frame.keyframe.T_world_rig) @ T
                 self._frames[i] = replace(frame, T_keyframe_rig=T_keyframe_rig, scale=frame.keyframe.scale)
 
