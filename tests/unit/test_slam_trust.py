@@ -7,7 +7,7 @@ import pytest
 
 from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.pose import Pose
-from facetcam.slam.tracking import Fix
+from facetcam.slam.tracking import Fix, better
 from facetcam.slam.trust import Reckoning, Trust
 
 SHARP, BLUNT = 0.3, 2.0  # pixels
@@ -35,6 +35,15 @@ def doubting(n_views: int = 4) -> Trust:
 
 def test_every_pose_is_believed_while_tracking() -> None:
     assert Trust(4).believes(fix([15, 0, 0, 0], [200, 200, 200, 200], BLUNT))
+
+
+def test_a_look_alike_with_more_measurements_does_not_win() -> None:
+    """As seen on a film: metres away little of what is expected is found, but more than near by."""
+    near, look_alike = fix([25, 0, 0, 6], [43, 4, 0, 21], SHARP), fix([0, 36, 0, 0], [0, 159, 80, 2], BLUNT)
+    assert better(look_alike, near) is near
+    assert better(near, look_alike) is near
+    assert better(None, look_alike) is look_alike
+    assert better(near, fix([60, 0, 0, 20], [80, 0, 0, 30], SHARP)) is not near
 
 
 @pytest.mark.parametrize("residual", [SHARP, BLUNT])

@@ -87,13 +87,13 @@ class Tracker:
         """
         best = None
         for T_world_rig in predicted:
-            best = _better(best, self.locate(frame, T_world_rig))
+            best = better(best, self.locate(frame, T_world_rig))
             if best is not None and best.clear:
                 return best
         if best is None:
             for T_world_rig in predicted:
-                best = _better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig)))
-        return _better(best, self._relocate(frame, *predicted[:1]))
+                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig)))
+        return better(best, self._relocate(frame, *predicted[:1]))
 
     def record(self, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
@@ -131,12 +131,9 @@ class Tracker:
         best = None
         for T in self._proposals(frame, *predicted):
             fix = self.locate(frame, T)
-            if fix is None:
-                continue
-            if fix.clear and fix.sharp:
+            if fix is not None and fix.clear and fix.sharp:
                 return fix
-            if best is None or len(fix.seen) > len(best.seen):
-                best = fix
+            best = better(best, fix)
         return best
 
     def _proposals(self, frame: Frame, *predicted: Array) -> Iterator[Array]:
@@ -173,5 +170,6 @@ class Tracker:
         return T if inliers.sum() >= AGREEING else None
 
 
-def _better(a: Fix | None, b: Fix | None) -> Fix | None:
-    return max(a, b, key=lambda fix: 0 if fix is None else len(fix.seen))
+def better(a: Fix | None, b: Fix | None) -> Fix | None:
+    """The one that finds most, but for look-alikes, which find little of what would have to be there."""
+    return max(a, b, key=lambda fix: (False, 0) if fix is None else (fix.likely, len(fix.seen)))
