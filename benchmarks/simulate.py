@@ -1,6 +1,6 @@
 """Speed and memory of the simulator: 1600x1200 frames of a furnished house through the mirrors.
 
-python benchmarks/simulate.py [--frames 8] [--samples 2]
+python benchmarks/simulate.py [--frames 8] [--samples 2] [--without-embree]
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from _common import data_folder, show
 
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
+from facetcam.simulation import embree
 from facetcam.simulation.exposures import Exposures
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.scene import Lamp
@@ -27,7 +28,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=8)
     parser.add_argument("--samples", type=int, default=2)
+    parser.add_argument("--without-embree", action="store_true", help="trace by the tree in the core")
     options = parser.parse_args()
+    if options.without_embree:
+        embree.installed = lambda: False
     house = data_folder() / "house"
     begin = time.perf_counter()
     mesh = read_scene(house / "small_house.glb").mesh

@@ -18,7 +18,7 @@ FLATNESS = 1e-4  # metres a corner may stand off the plane, or inside the outlin
 SHORTEST = 1e-6  # metres between neighbouring corners, at least
 THICKEST = 0.1  # metres of glass before a mirror
 DENSEST = 4.0  # refractive index
-_SHEET = 0.05  # of its thickness, to which a pane of float glass is made (EN 572-2: 0.2 mm of 4 mm)
+_SHEET = 0.05  # of its thickness: panes of one kind differ by tenths of a millimetre
 _WINDOW = 0.01  # by which window glass differs in its index
 
 
