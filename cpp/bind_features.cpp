@@ -92,11 +92,17 @@ DistancesOut hamming(const Bytes& query, const Bytes& train) {
     return to_numpy<DistancesOut>(std::move(all), {query.shape(0), train.shape(0)});
 }
 
-IndicesOut mutual(const Bytes& query, const Bytes& train, int max_distance, float ratio) {
+IndicesOut mutual(const Bytes& query, const Bytes& train, const Indices& group, int groups, int max_distance,
+                  float ratio) {
+    if (group.shape(0) != train.shape(0))
+        throw nb::value_error("match_mutual: expected a group for each train descriptor");
+    for (std::size_t t = 0; t < group.shape(0); ++t)
+        if (group(t) < 0 || group(t) >= groups) throw nb::value_error("match_mutual: group out of range");
     std::vector<std::int32_t> matches;
     {
         nb::gil_scoped_release release;
-        matches = match_mutual(descriptors_of(query), descriptors_of(train), {max_distance, ratio});
+        matches = match_mutual(descriptors_of(query), descriptors_of(train), group.data(), groups,
+                               {max_distance, ratio});
     }
     return to_numpy<IndicesOut>(std::move(matches), {query.shape(0)});
 }
@@ -130,8 +136,9 @@ void bind_features(nb::module_& m) {
         "Best instruction set of this machine: 0 baseline, 1 AVX2, 2 AVX-512.");
     m.def("hamming", &hamming, "query"_a.noconvert(), "train"_a.noconvert(),
           "Distances in bits of all pairs, (N, M).");
-    m.def("match_mutual", &mutual, "query"_a.noconvert(), "train"_a.noconvert(), "max_distance"_a, "ratio"_a,
-          "Index of the mutually nearest train descriptor, or -1.");
+    m.def("match_mutual", &mutual, "query"_a.noconvert(), "train"_a.noconvert(), "group"_a.noconvert(),
+          "groups"_a, "max_distance"_a, "ratio"_a,
+          "Index of the mutually nearest group of train descriptors, or -1.");
     m.def("match_windowed", &windowed, "query"_a.noconvert(), "query_xy"_a.noconvert(),
           "query_view"_a.noconvert(), "train"_a.noconvert(), "train_xy"_a.noconvert(),
           "train_view"_a.noconvert(), "radius"_a, "max_distance"_a, "ratio"_a,

@@ -30,12 +30,15 @@ void distances(const std::uint8_t* query, const std::uint8_t* train, int bytes, 
     }
 }
 
-// The two smallest distances seen, and the index of the smallest; of equals the lowest index.
+// The smallest distance seen, the index it belongs to, of equals the lowest, and the smallest of another
+// index.
 struct Nearest {
     int index = -1, best = INT_MAX, second = INT_MAX;
 
     void offer(int i, int distance) {
-        if (distance < best || (distance == best && i < index)) {
+        if (i == index) {
+            best = std::min(best, distance);
+        } else if (distance < best || (distance == best && i < index)) {
             second = best;
             best = distance;
             index = i;
@@ -133,15 +136,15 @@ std::vector<std::int32_t> hamming_distances(const Descriptors& query, const Desc
 }
 
 std::vector<std::int32_t> match_mutual(const Descriptors& query, const Descriptors& train,
-                                       const MatchLimits& limits) {
-    std::vector<Nearest> forward(query.count), backward(train.count);
+                                       const std::int32_t* group, int groups, const MatchLimits& limits) {
+    std::vector<Nearest> forward(query.count), backward(groups);
     std::vector<int> row(train.count);
     for (int q = 0; q < query.count; ++q) {
         distances(query.data + static_cast<std::size_t>(q) * query.bytes, train.data, train.bytes,
                   train.count, row.data());
         for (int t = 0; t < train.count; ++t) {
-            forward[q].offer(t, row[t]);
-            backward[t].offer(q, row[t]);
+            forward[q].offer(group[t], row[t]);
+            backward[group[t]].offer(q, row[t]);
         }
     }
     std::vector<std::int32_t> matches(query.count, -1);

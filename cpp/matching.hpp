@@ -18,9 +18,10 @@ struct MatchLimits {
 // Hamming distances of all pairs, query.count x train.count.
 std::vector<std::int32_t> hamming_distances(const Descriptors& query, const Descriptors& train);
 
-// For every query the train index that is nearest and whose nearest query it is in turn, or -1.
+// For every query the group of train descriptors, below `groups`, that is nearest by any of them and whose
+// nearest query it is in turn, or -1. The second best is another group's.
 std::vector<std::int32_t> match_mutual(const Descriptors& query, const Descriptors& train,
-                                       const MatchLimits& limits);
+                                       const std::int32_t* group, int groups, const MatchLimits& limits);
 
 struct Places {
     const float* xy;           // count x 2, pixels

@@ -24,34 +24,54 @@ struct Template {
     float dx_value, dy_value;
 };
 
-bool sample(const std::uint8_t* data, std::ptrdiff_t stride, int width, int height, float x, float y,
-            float& out) {
-    const float fx = std::floor(x), fy = std::floor(y);
-    const int ix = static_cast<int>(fx), iy = static_cast<int>(fy);
-    if (ix < 0 || iy < 0 || ix + 1 >= width || iy + 1 >= height) return false;
-    const float a = x - fx, b = y - fy;
-    const std::uint8_t* p = data + iy * stride + ix;
-    out = (1 - b) * ((1 - a) * p[0] + a * p[1]) + b * ((1 - a) * p[stride] + a * p[stride + 1]);
-    return true;
-}
+// Samples of the patch on a grid of the image: `taps` x `taps` to a pixel, `scale` apart.
+class Sampling {
+ public:
+    Sampling(const Reference& r, float scale, int taps) : r_(r), scale_(scale), taps_(taps) {}
 
-// Mean of the patch over the footprint of one image pixel, so that a shrinking warp does not alias.
-bool sample_footprint(const Reference& r, float scale, int taps, float u, float v, float& out) {
-    const float centre = static_cast<float>(r.size / 2);
-    float sum = 0;
-    for (int j = 0; j < taps; ++j)
-        for (int i = 0; i < taps; ++i) {
-            const float du = scale * (u + (i + 0.5f) / taps - 0.5f),
-                        dv = scale * (v + (j + 0.5f) / taps - 0.5f);
-            const float x = centre + r.offset_x + r.warp[0] * du + r.warp[1] * dv;
-            const float y = centre + r.offset_y + r.warp[2] * du + r.warp[3] * dv;
-            float value;
-            if (!sample(r.pixels, r.size, r.size, r.size, x, y, value)) return false;
-            sum += value;
-        }
-    out = sum / static_cast<float>(taps * taps);
-    return true;
-}
+    // Tells whether a square of pixels reaches over the patch nowhere: its corners tell, a warp being affine.
+    bool inside(float radius) const {
+        for (const float u : {-radius, radius})
+            for (const float v : {-radius, radius}) {
+                const Point p = at(offset(u, u < 0 ? 0 : taps_ - 1), offset(v, v < 0 ? 0 : taps_ - 1));
+                const float last = static_cast<float>(r_.size - 1);
+                if (!(p.x >= 0 && p.y >= 0 && p.x < last && p.y < last)) return false;
+            }
+        return true;
+    }
+
+    // Mean over the footprint of one image pixel, so that a shrinking warp does not alias.
+    float mean(float u, float v) const {
+        float sum = 0;
+        for (int j = 0; j < taps_; ++j)
+            for (int i = 0; i < taps_; ++i) sum += value(at(offset(u, i), offset(v, j)));
+        return sum / static_cast<float>(taps_ * taps_);
+    }
+
+ private:
+    struct Point {
+        float x, y;
+    };
+
+    float offset(float pixel, int tap) const { return scale_ * (pixel + (tap + 0.5f) / taps_ - 0.5f); }
+
+    Point at(float du, float dv) const {
+        const float centre = static_cast<float>(r_.size / 2);
+        return {centre + r_.offset_x + r_.warp[0] * du + r_.warp[1] * dv,
+                centre + r_.offset_y + r_.warp[2] * du + r_.warp[3] * dv};
+    }
+
+    float value(Point at) const {
+        const int x = static_cast<int>(at.x), y = static_cast<int>(at.y);
+        const float a = at.x - static_cast<float>(x), b = at.y - static_cast<float>(y);
+        const std::uint8_t* p = r_.pixels + y * r_.size + x;
+        return (1 - b) * ((1 - a) * p[0] + a * p[1]) + b * ((1 - a) * p[r_.size] + a * p[r_.size + 1]);
+    }
+
+    const Reference& r_;
+    float scale_;
+    int taps_;
+};
 
 float dot(const Window& a, const Window& b) {
     float sum = 0;
@@ -78,12 +98,13 @@ bool make_template(const Reference& r, float scale, Template& t) {
     const float stretch = scale * std::sqrt(std::abs(r.warp[0] * r.warp[3] - r.warp[1] * r.warp[2]));
     if (!(stretch > 0.05f)) return false;
     const int taps = std::clamp(static_cast<int>(std::lround(stretch)), 1, 4);
+    const Sampling patch(r, scale, taps);
+    if (!patch.inside(kRadius + 1)) return false;
     std::array<float, kPaddedSide * kPaddedSide> padded;
     for (int v = 0; v < kPaddedSide; ++v)
         for (int u = 0; u < kPaddedSide; ++u)
-            if (!sample_footprint(r, scale, taps, static_cast<float>(u - kRadius - 1),
-                                  static_cast<float>(v - kRadius - 1), padded[v * kPaddedSide + u]))
-                return false;
+            padded[v * kPaddedSide + u] =
+                patch.mean(static_cast<float>(u - kRadius - 1), static_cast<float>(v - kRadius - 1));
     for (int v = 0; v < kSide; ++v)
         for (int u = 0; u < kSide; ++u) {
             const float* p = &padded[(v + 1) * kPaddedSide + u + 1];

@@ -29,7 +29,12 @@ def transfer_table(image: NDArray[Any], mask: NDArray[np.uint8] | None, eta: flo
 def best_isa() -> int: ...
 def hamming(query: NDArray[np.uint8], train: NDArray[np.uint8]) -> NDArray[np.int32]: ...
 def match_mutual(
-    query: NDArray[np.uint8], train: NDArray[np.uint8], max_distance: int, ratio: float
+    query: NDArray[np.uint8],
+    train: NDArray[np.uint8],
+    group: NDArray[np.int32],
+    groups: int,
+    max_distance: int,
+    ratio: float,
 ) -> NDArray[np.int32]: ...
 def match_windowed(
     query: NDArray[np.uint8],

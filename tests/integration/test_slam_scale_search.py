@@ -45,7 +45,7 @@ def test_a_map_of_the_wrong_scale_is_found_out_and_mended() -> None:
         adjuster.adjust_coarsely()
         for keyframe in map.keyframes:
             if keyframe.frame is not None:
-                handovers.seek(keyframe)
+                handovers.seek([keyframe])
         evidence = handovers.evidence()
         wrong = scale_error(map.poses()[:, :3, 3], true)
         assert evidence.points > 100 and evidence.tested(0.002) == np.inf

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.features import SIICF, Keypoints, describe, match_mutual, match_windowed
-from facetcam.features.matching import hamming, mutual_best
+from facetcam.features.matching import hamming, match_groups, mutual_best
 
 
 @pytest.fixture(scope="module")
@@ -212,6 +212,22 @@ def test_distances_and_their_mutual_best_are_those_of_brute_force(width: int) ->
     assert len(mutual_best(hamming(a, b[:0]), 1.0, 9)[0]) == 0
     with pytest.raises(FacetcamError, match="train descriptors: expected uint8"):
         hamming(a, b[:, :8])
+
+
+def test_things_with_several_descriptors_match_by_the_nearest_of_them() -> None:
+    rng = np.random.default_rng(5)
+    a, b = (rng.integers(0, 256, (n, 32), np.uint8) for n in (40, 120))
+    b[:60] = np.tile(a[:20], (3, 1)) ^ rng.choice([0, 1, 16], (60, 32)).astype(np.uint8)
+    group = np.concatenate([np.tile(np.arange(20), 3), rng.permutation(np.arange(60) % 25) + 20])
+    near = np.stack([brute_distances(a, b[group == g]).min(axis=1) for g in range(45)], axis=1)
+    for ratio, limit in ((1.0, 256), (0.8, 256), (1.0, 20)):
+        expected = np.column_stack(mutual_best(near, ratio, limit))
+        np.testing.assert_array_equal(match_groups(a, b, group, ratio, limit), expected)
+        assert len(expected) > 10
+    assert match_groups(a, b[:0], group[:0], 0.8, 20).shape == (0, 2)
+    for wrong in (group[1:], group - 1):
+        with pytest.raises(FacetcamError, match="group: expected 120 numbers from 0"):
+            match_groups(a, b, wrong, 0.8, 20)
 
 
 def test_mutual_matches_of_floats_are_those_of_brute_force() -> None:

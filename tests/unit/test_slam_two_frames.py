@@ -8,9 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_pairs
 
+from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
+from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import views_aside
-from facetcam.slam.epipolar import epipolar_error
+from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
+from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
 from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion
@@ -32,6 +35,27 @@ def assert_motion(T: Array | None, truth: Array, degrees: float, direction: floa
     assert np.degrees(np.linalg.norm(turn)) < degrees
     a, b = T[:3, 3], truth[:3, 3]
     assert np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))) < direction
+
+
+def test_matches_along_epipolars_are_those_of_all_pairs(ryu: Optics) -> None:
+    rng, config = np.random.default_rng(22), SlamConfig()
+    pairs = true_pairs(ryu, MOTION, rng, 1500)
+    looks = np.repeat(rng.integers(0, 256, (len(pairs) // 2 + 1, 32), np.uint8), 2, axis=0)[: len(pairs)]
+    noise = rng.choice(np.array([0, 0, 1, 16, 64], np.uint8), (2, *looks.shape))  # everything has a double
+    planes = (pairs.plane_a, pairs.plane_b)
+    a, b = (Corners(plane, pairs.views, plane, looks ^ n) for plane, n in zip(planes, noise))
+    expected = []
+    for view in range(ryu.n_views):
+        own = np.flatnonzero(pairs.views == view)
+        distance = hamming(a.descriptors[own], b.descriptors[own])
+        errors = epipolar_error(a.plane[own][:, None], b.plane[own][None], view, MOTION, ryu)
+        distance[np.abs(errors) > 2.0] = 10000
+        rows, columns = mutual_best(distance, config.match_ratio, config.match_distance)
+        expected += zip(own[rows], own[columns])
+    every = np.arange(len(pairs))
+    found = match_along_epipolars(a, every, b, every, MOTION, 2.0, ryu, config)
+    assert list(zip(*found)) == expected
+    assert 100 < len(expected) < len(pairs)
 
 
 def test_epipolar_error_is_opencvs_sampson_distance(ryu: Optics) -> None:

@@ -51,7 +51,47 @@ def match_mutual(
     else:
         bits = _descriptors(query, "query")
         others = _descriptors(train, "train", bits.shape[1])
-        nearest = _core.match_mutual(bits, others, _limit(max_distance, bits), float(ratio))
+        each = np.arange(len(others), dtype=np.int32)
+        nearest = _core.match_mutual(bits, others, each, len(each), _limit(max_distance, bits), float(ratio))
+    return _pairs(nearest)
+
+
+def match_groups(
+    query: Descriptors, train: Descriptors, group: ArrayLike, ratio: float, max_distance: int
+) -> Indices:
+    """Match descriptors to things that several descriptors show: each other's nearest by any of them.
+
+    Parameters
+    ----------
+    query, train : (N, B), (M, B) uint8
+        Binary descriptors of B bytes.
+    group : (M,) int
+        Thing that each of `train` shows, from 0.
+    ratio : float
+        The best distance must be at most this share of that to any other thing.
+    max_distance : int
+        Greatest distance in bits.
+
+    Returns
+    -------
+    (K, 2) int32
+        Rows (query index, thing) in rising query index.
+
+    Raises
+    ------
+    FacetcamError
+        Arrays of wrong type or shape.
+    """
+    bits = _descriptors(query, "query")
+    others, of = _descriptors(train, "train", bits.shape[1]), np.ascontiguousarray(group, np.int32)
+    if of.shape != (len(others),) or of.min(initial=0) < 0:
+        raise FacetcamError(f"group: expected {len(others)} numbers from 0, got {of.shape}")
+    groups = int(of.max(initial=-1)) + 1
+    return _pairs(_core.match_mutual(bits, others, of, groups, int(max_distance), float(ratio)))
+
+
+def _pairs(nearest: Indices) -> Indices:
+    """Rows (K, 2) of what has a nearest."""
     matched = np.flatnonzero(nearest >= 0)
     return np.column_stack([matched, nearest[matched]]).astype(np.int32)
 

@@ -92,10 +92,13 @@ class Adjuster:
         self._map.readout = readout if believed else 0.0
         return found.scale_sigma
 
-    def whole(self) -> Bundle | None:
-        """All keyframes and the points that they saw as one problem, the first keyframe held."""
+    def whole(self, swept: bool = True) -> Bundle | None:
+        """All keyframes and the points that they saw as one problem, the first keyframe held.
+
+        Without `swept` it lacks what a readout of the shutter would do, unless one is known.
+        """
         ids = self._map.observed_points(self._map.keyframes)
-        return self._bundle(self._map.keyframes, 1, ids)[0] if len(ids) else None
+        return self._bundle(self._map.keyframes, 1, ids, swept)[0] if len(ids) else None
 
     def _adjust(
         self,
@@ -119,15 +122,19 @@ class Adjuster:
             if loss == _LOSS:
                 self._cull(keyframes, used)
 
-    def _bundle(self, keyframes: list[Keyframe], n_fixed: int, ids: Index) -> tuple[Bundle, Index]:
+    def _bundle(
+        self, keyframes: list[Keyframe], n_fixed: int, ids: Index, swept: bool = False
+    ) -> tuple[Bundle, Index]:
         """What the keyframes saw of some points as one problem, and the ids of its points."""
         rows = [np.isin(k.observations.point, ids) for k in keyframes]
         point = np.concatenate([k.observations.point[r] for k, r in zip(keyframes, rows)])
         used, index = np.unique(point, return_inverse=True)
         fixed = np.arange(len(keyframes)) < n_fixed
-        swept = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
         plane = np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)])
-        readout = self._map.readout
+        readout, sweep_of_all = self._map.readout, None
+        if readout or swept:
+            sweep_of_all = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
+            plane = plane - readout * sweep_of_all
         bundle = Bundle(
             T_world_rig=np.stack([k.T_world_rig for k in keyframes]),
             fixed=fixed,
@@ -135,10 +142,10 @@ class Adjuster:
             frame=np.repeat(np.arange(len(keyframes)), [int(r.sum()) for r in rows]),
             view=np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64),
             point=index,
-            plane=plane - readout * swept,
+            plane=plane,
             motions=self._motions(keyframes, n_fixed),
             readout=readout,
-            sweep=swept,
+            sweep=sweep_of_all,
         )
         return bundle, used
 
@@ -175,7 +182,8 @@ class Adjuster:
             seen = keyframe.observations
             points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), points.xyz[seen.point])
             plane, depth = self._optics.to_plane(points_rig, seen.view)
-            plane += self._map.readout * self._sweep(keyframe, np.ones(len(seen), dtype=bool))
+            if self._map.readout:
+                plane += self._map.readout * self._sweep(keyframe, np.ones(len(seen), dtype=bool))
             fits = (np.linalg.norm(plane - seen.plane, axis=1) < self._config.gate) & (depth > 0)
             seen.keep(fits & points.alive[seen.point])
         counts = np.bincount(

@@ -45,7 +45,7 @@ class Bundle:
     points : (P, 3) array
         World points in metres.
     frame, view, point : (M,) int arrays
-        Indices of each observation.
+        Indices of each observation, in the order of the frames.
     plane : (M, 2) array
         Where it was seen, in pixels of the view's ideal pinhole (`Optics.plane`).
     motions : list of RelativePose

@@ -60,8 +60,10 @@ def match_along_epipolars(
         if not len(in_a) or not len(in_b):
             continue
         distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
-        error = epipolar_error(a.plane[in_a][:, None], b.plane[in_b][None], view, T_a_b, optics)
-        distance[np.abs(error) > gate] = _FAR
+        i, j = np.nonzero(distance <= config.match_distance / config.match_ratio)  # others change no match
+        error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view, T_a_b, optics)
+        aside = np.abs(error) > gate
+        distance[i[aside], j[aside]] = _FAR
         best_a, best_b = mutual_best(distance, config.match_ratio, config.match_distance)
         pairs.append((in_a[best_a], in_b[best_b]))
     if not pairs:

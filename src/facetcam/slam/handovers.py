@@ -15,16 +15,16 @@ from facetcam.geometry import se3
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import HandedOver, Keyframe, Map
-from facetcam.slam.measure import measure, predict
+from facetcam.slam.measure import measure
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale_evidence import LARGEST, Evidence, scale_evidence
-from facetcam.slam.scale_search import homes, rescale, scaled
+from facetcam.slam.scale_search import expected_elsewhere, home_of_points, rescale
 from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 13)).tolist()  # patches are drawn in over the steps between
+_FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 13))  # patches are drawn in over the steps between
 _FEW_FACTORS = _FACTORS[::3]
 _NEAR = 6  # keyframes before and after, whose points are sought
 _ONE_PLACE = 1.0  # px
@@ -55,18 +55,16 @@ class Handovers:
         self._adjuster = adjuster
         self.tell = False
 
-    def seek(self, keyframe: Keyframe) -> None:
-        """Look for the points of the keyframes around one in those of its views that did not map them."""
-        assert keyframe.frame is not None
-        views, found = homes(self._map)[0], []
-        ids = self._within_reach(keyframe, views)
-        for factor in _FACTORS:
-            points = scaled(self._map.points, ids, views, keyframe, factor, self._optics)
-            expected = predict(points, ids, keyframe.T_world_rig, self._optics)
-            expected = expected.take(expected.view != views[expected.point])
-            found.append(measure(keyframe.frame, expected, points, self._optics, self._config)[0])
-        columns = zip(*((f.point, views[f.point], f.view, f.pixels) for f in found))
-        keyframe.handovers = _at_one_place(HandedOver(*(np.concatenate(c) for c in columns)))
+    def seek(self, keyframes: list[Keyframe]) -> None:
+        """Look for points of the keyframes around each one in those of its views that did not map them."""
+        views, points = home_of_points(self._map), self._map.points
+        for keyframe in keyframes:
+            assert keyframe.frame is not None
+            ids = self._within_reach(keyframe, views)
+            expected, _ = expected_elsewhere(points, ids, views, keyframe, _FACTORS, self._optics)
+            found, _ = measure(keyframe.frame, expected, points, self._optics, self._config)
+            sightings = HandedOver(found.point, views[found.point], found.view, found.pixels)
+            keyframe.handovers = _at_one_place(sightings)
 
     def _within_reach(self, keyframe: Keyframe, views: NDArray[np.int8]) -> Index:
         """Points of the keyframes around one that other views than their own might see at some scale."""
@@ -79,9 +77,7 @@ class Handovers:
 
     def take_up(self) -> None:
         """Add hand-overs to the map; where they deny its scale, it goes over to theirs."""
-        for keyframe in self._map.keyframes:
-            if keyframe.frame is not None:
-                self.seek(keyframe)
+        self.seek([k for k in self._map.keyframes if k.frame is not None])
         evidence = self.evidence()
         denied = abs(evidence.stretch) > np.hypot(3.0 * evidence.sigma, self._config.metric_sigma)
         if not evidence.points or (denied and evidence.points < _LEAST_POINTS):
@@ -95,7 +91,7 @@ class Handovers:
 
     def evidence(self) -> Evidence:
         """What the hand-overs say of the scale of the map as it is."""
-        whole = self._adjuster.whole()
+        whole = self._adjuster.whole(swept=False)
         if whole is None:
             return Evidence.none()
         sought = [self._living(k) for k in self._map.keyframes]

@@ -99,7 +99,7 @@ def linearise_all(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Ar
     M = len(bundle.frame)
     residual, by_pose, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
     for k, T in enumerate(bundle.T_world_rig):
-        rows = bundle.frame == k
+        rows = slice(*np.searchsorted(bundle.frame, (k, k + 1)))
         residual[rows], by_pose[rows] = linearise(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
         by_point[rows] = -by_pose[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
     return residual, by_pose, by_point

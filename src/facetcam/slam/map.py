@@ -188,10 +188,10 @@ class Map:
 
     def observed_points(self, keyframes: list[Keyframe]) -> Index:
         """Ids of living points that any of these keyframes saw."""
-        if not keyframes:
-            return np.empty(0, np.int64)
-        ids: Index = np.unique(np.concatenate([k.observations.point for k in keyframes]))
-        return ids[self.points.alive[ids]]
+        seen = np.zeros(len(self.points), dtype=bool)
+        for keyframe in keyframes:
+            seen[keyframe.observations.point] = True
+        return np.flatnonzero(seen & self.points.alive)
 
     def near(self, position: Array, count: int) -> list[Keyframe]:
         """The keyframes whose rig stood nearest to a world position."""

@@ -192,7 +192,8 @@ class Mapper:
     def _forget_images(self) -> None:
         """Only the window needs them, and a map whose scale has not been told yet."""
         kept = self._config.window * (1 if self.handovers.tell else _UNTOLD)
-        for keyframe in self._map.keyframes[:-kept]:
-            if keyframe.frame is not None:
-                self.handovers.seek(keyframe)
-                keyframe.frame = None
+        leaving = [k for k in self._map.keyframes[:-kept] if k.frame is not None]
+        if leaving:
+            self.handovers.seek(leaving)
+        for keyframe in leaving:
+            keyframe.frame = None

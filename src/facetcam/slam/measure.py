@@ -74,15 +74,28 @@ class Measurements:
 
 def predict(points: Points, ids: Index, T_world_rig: Array, optics: Optics) -> Predictions:
     """Project map points into every view; a point may leave one mirror and enter another."""
+    return predict_at(points.xyz[ids], points.tangent[ids], points, ids, T_world_rig, optics)[0]
+
+
+def predict_at(
+    xyz: Array, tangent: Array, points: Points, ids: Index, T_world_rig: Array, optics: Optics
+) -> tuple[Predictions, Index]:
+    """Predict map points as if they stood at `xyz` (N, 3) with other tangents (N, 3, 2).
+
+    Returns
+    -------
+    predictions : Predictions
+    rows : (M,) array
+        Of `ids`, to which they belong.
+    """
     T_rig_world = se3.inverse(T_world_rig)
-    points_rig = se3.transform(T_rig_world, points.xyz[ids])
+    points_rig = se3.transform(T_rig_world, xyz)
     pixels, visible = optics.project(points_rig)
     view, rows = np.nonzero(visible)
-    tangent = T_rig_world[:3, :3] @ points.tangent[ids[rows]]
-    jacobian = optics.jacobians(view, points_rig[rows], tangent)
+    jacobian = optics.jacobians(view, points_rig[rows], T_rig_world[:3, :3] @ tangent[rows])
     warp, usable = _warps(points.jacobian[ids[rows]], jacobian)
     seen = Predictions(ids[rows], view.astype(np.int8), pixels[view, rows], warp)
-    return seen.take(usable)
+    return seen.take(usable), rows[usable]
 
 
 def _warps(reference: Array, current: Array) -> tuple[Array, NDArray[np.bool_]]:

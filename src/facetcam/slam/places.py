@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
-from facetcam.features.matching import hamming, mutual_best
+from facetcam.features.matching import match_groups
 from facetcam.slam.map import Keyframe
 
 Index = NDArray[np.int64]
@@ -198,11 +198,9 @@ def match_points(
     """
     if not len(query) or not len(sightings):
         return np.empty(0, np.int64), np.empty(0, np.int64)
-    order = np.argsort(sightings.point, kind="stable")
-    points, start = np.unique(sightings.point[order], return_index=True)
-    distance = np.minimum.reduceat(hamming(query, sightings.descriptor[order]), start, axis=1)
-    rows, columns = mutual_best(distance, ratio, max_distance)
-    return rows, points[columns]
+    points, group = np.unique(sightings.point, return_inverse=True)
+    rows, column = match_groups(query, sightings.descriptor, group, ratio, max_distance).T
+    return rows, points[column]
 
 
 def _keys(descriptors: Descriptors) -> NDArray[np.uint16]:

@@ -105,7 +105,7 @@ def refine_pose(
 
 
 def linearise(
-    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics
+    T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
 ) -> tuple[Array, Array]:
     """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist."""
     points_rig = se3.transform(se3.inverse(T_world_rig), points)

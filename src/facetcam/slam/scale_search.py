@@ -6,15 +6,13 @@ before a scale is believed others are tried, each as a prediction of its own.
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map, Observations, Points
-from facetcam.slam.measure import measure, predict
+from facetcam.slam.measure import Predictions, measure, predict_at
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale_evidence import home_views
 
@@ -29,11 +27,16 @@ _LEAST_FOUND = 30
 _PEAK = 0.8  # of the best count
 
 
-def homes(map: Map) -> tuple[NDArray[np.int8], Index]:
-    """View (N,) that saw each map point most, and the first keyframe in which it did; -1 where none did."""
+def home_of_points(map: Map) -> NDArray[np.int8]:
+    """View (N,) that saw each map point most; -1 where none did."""
     seen = [Observations(), *(k.observations for k in map.keyframes)]
     point, view = np.concatenate([s.point for s in seen]), np.concatenate([s.view for s in seen])
-    views, first = home_views(view, point, len(map.points)), np.full(len(map.points), -1)
+    return home_views(view, point, len(map.points))
+
+
+def homes(map: Map) -> tuple[NDArray[np.int8], Index]:
+    """View (N,) that saw each map point most, and the first keyframe in which it did; -1 where none did."""
+    views, first = home_of_points(map), np.full(len(map.points), -1)
     for keyframe in reversed(map.keyframes):
         at_home = keyframe.observations.view == views[keyframe.observations.point]
         first[keyframe.observations.point[at_home]] = keyframe.index
@@ -45,30 +48,38 @@ def found_elsewhere(map: Map, keyframes: list[Keyframe], optics: Optics, config:
 
     Seen from the view that mapped it, a point of another scale lies elsewhere on the same ray.
     """
-    views, counts = homes(map)[0], np.zeros(len(_FACTORS))
+    views, counts = home_of_points(map), np.zeros(len(_FACTORS))
     for keyframe in [k for k in keyframes if k.frame is not None][-_KEYFRAMES:]:
         ids = map.observed_points([keyframe])
         ids = ids[:: 1 + len(ids) // _POINTS]
-        for i, factor in enumerate(_FACTORS):
-            points = scaled(map.points, ids, views, keyframe, float(factor), optics)
-            expected = predict(points, ids, keyframe.T_world_rig, optics)
-            expected = expected.take(expected.view != views[expected.point])
-            assert keyframe.frame is not None
-            found, hit = measure(keyframe.frame, expected, points, optics, config)
-            shift = np.linalg.norm(found.pixels - expected.pixels[hit], axis=1)
-            counts[i] += np.count_nonzero(shift < config.gate)
+        expected, factor = expected_elsewhere(map.points, ids, views, keyframe, _FACTORS, optics)
+        assert keyframe.frame is not None
+        found, hit = measure(keyframe.frame, expected, map.points, optics, config)
+        shift = np.linalg.norm(found.pixels - expected.pixels[hit], axis=1)
+        counts += np.bincount(factor[hit][shift < config.gate], minlength=len(_FACTORS))
     return counts
 
 
-def scaled(
-    points: Points, ids: Index, views: NDArray[np.int8], keyframe: Keyframe, factor: float, optics: Optics
-) -> Points:
-    """The map's points, some of them at another distance from the views that saw them most."""
-    moved = copy.copy(points)
-    moved.xyz, moved.tangent = points.xyz.copy(), points.tangent * factor
+def expected_elsewhere(
+    points: Points, ids: Index, views: NDArray[np.int8], keyframe: Keyframe, factors: Array, optics: Optics
+) -> tuple[Predictions, Index]:
+    """Where some points would be seen by other views than the ones that saw them most, at other scales.
+
+    Returns
+    -------
+    expected : Predictions
+    factor : (M,) array
+        Row of the scale of each.
+    """
     centres = se3.transform(keyframe.T_world_rig, optics.origins(views[ids]))
-    moved.xyz[ids] = centres + factor * (points.xyz[ids] - centres)
-    return moved
+    xyz = centres + factors[:, None, None] * (points.xyz[ids] - centres)
+    tangent = factors[:, None, None, None] * points.tangent[ids]
+    every, F = np.tile(ids, len(factors)), len(factors) * len(ids)
+    expected, rows = predict_at(
+        xyz.reshape(F, 3), tangent.reshape(F, 3, 2), points, every, keyframe.T_world_rig, optics
+    )
+    away = expected.view != views[expected.point]
+    return expected.take(away), rows[away] // max(len(ids), 1)
 
 
 def better_scale(counts: Array) -> float | None:
