@@ -53,6 +53,13 @@ struct Nearest {
     }
 };
 
+// What is farther neither matches nor spoils a match.
+int farthest(const MatchLimits& limits) {
+    if (!(limits.ratio > 0.0f)) return INT_MAX;
+    const float far = static_cast<float>(limits.max_distance) / std::min(limits.ratio, 1.0f) + 1.0f;
+    return static_cast<int>(std::min(far, 1e9f));
+}
+
 constexpr float kMostCells = 512.0f;  // along either side of the grid
 
 // Train points sorted into square cells at least as wide as the search radius.
@@ -137,12 +144,14 @@ std::vector<std::int32_t> hamming_distances(const Descriptors& query, const Desc
 
 std::vector<std::int32_t> match_mutual(const Descriptors& query, const Descriptors& train,
                                        const std::int32_t* group, int groups, const MatchLimits& limits) {
+    const int far = farthest(limits);
     std::vector<Nearest> forward(query.count), backward(groups);
     std::vector<int> row(train.count);
     for (int q = 0; q < query.count; ++q) {
         distances(query.data + static_cast<std::size_t>(q) * query.bytes, train.data, train.bytes,
                   train.count, row.data());
         for (int t = 0; t < train.count; ++t) {
+            if (row[t] > far) continue;
             forward[q].offer(group[t], row[t]);
             backward[group[t]].offer(q, row[t]);
         }

@@ -56,7 +56,9 @@ class Adjuster:
         ids = self._map.observed_points(window)
         near = self._map.near(window[-1].T_world_rig[:3, 3], _MAX_NEAR + len(window))
         older = sorted((k for k in near if k.index < window[0].index), key=lambda k: k.index)
-        shared = [int(np.isin(k.observations.point, ids).sum()) for k in older]
+        wanted = np.zeros(len(self._map.points), dtype=bool)
+        wanted[ids] = True
+        shared = [int(wanted[k.observations.point].sum()) for k in older]
         anchors = [older[i] for i in np.argsort(shared, kind="stable")[::-1][:_MAX_FIXED] if shared[i]]
         anchors.sort(key=lambda k: k.index)
         self._adjust(anchors + window, len(anchors) or 1, ids, _LOCAL_STOP)
@@ -126,9 +128,12 @@ class Adjuster:
         self, keyframes: list[Keyframe], n_fixed: int, ids: Index, swept: bool = False
     ) -> tuple[Bundle, Index]:
         """What the keyframes saw of some points as one problem, and the ids of its points."""
-        rows = [np.isin(k.observations.point, ids) for k in keyframes]
+        wanted, seen = np.zeros((2, len(self._map.points)), dtype=bool)
+        wanted[ids] = True
+        rows = [wanted[k.observations.point] for k in keyframes]
         point = np.concatenate([k.observations.point[r] for k, r in zip(keyframes, rows)])
-        used, index = np.unique(point, return_inverse=True)
+        seen[point] = True
+        used, index = np.flatnonzero(seen), np.cumsum(seen) - 1
         fixed = np.arange(len(keyframes)) < n_fixed
         plane = np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)])
         readout, sweep_of_all = self._map.readout, None
@@ -141,7 +146,7 @@ class Adjuster:
             points=self._map.points.xyz[used],
             frame=np.repeat(np.arange(len(keyframes)), [int(r.sum()) for r in rows]),
             view=np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64),
-            point=index,
+            point=index[point],
             plane=plane,
             motions=self._motions(keyframes, n_fixed),
             readout=readout,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from facetcam.rig import RigCovariance
 from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
-from facetcam.slam.pose import linearise
+from facetcam.slam.pose import linearise, linearise_sight
 from facetcam.slam.shutter import READOUT_SIGMA
 
 Array = NDArray[np.float64]
@@ -98,11 +99,26 @@ def linearise_all(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Ar
     """
     M = len(bundle.frame)
     residual, by_pose, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
-    for k, T in enumerate(bundle.T_world_rig):
-        rows = slice(*np.searchsorted(bundle.frame, (k, k + 1)))
+    for T, rows in _frames(bundle):
         residual[rows], by_pose[rows] = linearise(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
         by_point[rows] = -by_pose[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
     return residual, by_pose, by_point
+
+
+def linearise_points(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Array]:
+    """Residuals and their derivatives by the points alone, as `linearise_all` gives them."""
+    M = len(bundle.frame)
+    residual, by_point = np.zeros((M, 2)), np.zeros((M, 2, 3))
+    for T, rows in _frames(bundle):
+        sight = linearise_sight(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
+        residual[rows], by_point[rows] = sight[0], sight[1] @ T[:3, :3].T
+    return residual, by_point
+
+
+def _frames(bundle: Bundle) -> list[tuple[Array, slice]]:
+    """Pose of each frame, and which observations are its own."""
+    begin = np.searchsorted(bundle.frame, np.arange(len(bundle.T_world_rig) + 1)).tolist()
+    return [(T, slice(*rows)) for T, rows in zip(bundle.T_world_rig, itertools.pairwise(begin))]
 
 
 def rig_derivatives(bundle: Bundle, optics: Optics, known: RigCovariance) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -37,8 +39,10 @@ def checked_odometry(odometry: ArrayLike | None) -> Array | None:
 
 def planar_pose(odometry: Array) -> Array:
     """Rig pose (4, 4) in the odometry frame of (x, y, yaw)."""
-    x, y, yaw = odometry
-    return se3.from_rotation_translation(se3.exp([0, 0, yaw, 0, 0, 0])[:3, :3], [x, y, 0.0]) @ _T_base_rig
+    x, y, yaw = odometry.tolist()
+    c, s = math.cos(yaw), math.sin(yaw)
+    turn = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
+    return se3.from_rotation_translation(turn, [x, y, 0.0]) @ _T_base_rig
 
 
 def planar_motion(a: Array, b: Array, sigma: float) -> tuple[Array, Array]:

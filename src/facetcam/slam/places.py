@@ -92,7 +92,7 @@ class _Block:
         return cls(sightings, np.take_along_axis(keys, order, axis=1), order)
 
     def search(self, keys: NDArray[np.uint16]) -> tuple[Index, Index]:
-        """Rows of the queries (T, Q) and of the sightings that share a key in some table, each pair once."""
+        """Rows of the queries (T, Q) and of the sightings that share a key, once for each of its tables."""
         queries, rows = [], []
         for table in range(_TABLES):
             low = np.searchsorted(self.keys[table], keys[table], side="left")
@@ -102,8 +102,7 @@ class _Block:
             within = np.arange(len(query)) - np.repeat(np.cumsum(count) - count, count)
             queries.append(query)
             rows.append(self.order[table][low[query] + within].astype(np.int64))
-        pairs = np.unique(np.concatenate(queries) * len(self.sightings) + np.concatenate(rows))
-        return pairs // max(len(self.sightings), 1), pairs % max(len(self.sightings), 1)
+        return np.concatenate(queries), np.concatenate(rows)
 
 
 class Places:

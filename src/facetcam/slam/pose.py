@@ -108,17 +108,21 @@ def linearise(
     T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
 ) -> tuple[Array, Array]:
     """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist."""
+    residual, by_rig, points_rig = linearise_sight(T_world_rig, points, views, plane, optics)
+    x, y, z = points_rig.T[:, :, None]
+    a, b, c = np.moveaxis(by_rig, 2, 0)  # the point moves against the rig: by_rig [p]x, then -by_rig
+    return residual, np.stack([b * z - c * y, c * x - a * z, a * y - b * x, -a, -b, -c], axis=2)
+
+
+def linearise_sight(
+    T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
+) -> tuple[Array, Array, Array]:
+    """Residuals (N, 2) of points on their pinholes, derivatives (N, 2, 3) by points in the rig, and these."""
     points_rig = se3.transform(se3.inverse(T_world_rig), points)
     predicted, depth = optics.to_plane(points_rig, views)
     in_front = depth > _MIN_DEPTH
-    depth = np.where(in_front, depth, 1.0)
-    by_local = np.zeros((len(points), 2, 3))
-    by_local[:, 0, 0] = by_local[:, 1, 1] = optics.focal / depth
-    by_local[:, :, 2] = -predicted / depth[:, None]
-    by_rig = by_local @ optics.T_view_rig[views, :3, :3]
-    by_twist = np.concatenate(
-        [se3.skew(points_rig), np.broadcast_to(-np.eye(3), (len(points), 3, 3))], axis=2
-    )
-    J = by_rig @ by_twist
-    J[~in_front] = 0.0
-    return np.where(in_front[:, None], predicted - plane, 0.0), J
+    depth = np.where(in_front, depth, 1.0)[:, None]
+    across, along = optics.T_view_rig[views, :2, :3], optics.T_view_rig[views, 2, :3]
+    by_rig = optics.focal / depth[:, :, None] * across - (predicted / depth)[:, :, None] * along[:, None, :]
+    by_rig[~in_front] = 0.0
+    return np.where(in_front[:, None], predicted - plane, 0.0), by_rig, points_rig

@@ -71,9 +71,10 @@ def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUn
 
 def _points_beside(bundle: Bundle) -> int:
     """Count the points seen in other views than the one that sees most: the metre comes from these."""
-    seen = np.unique(np.column_stack([bundle.view, bundle.point]), axis=0)
-    fullest = np.bincount(seen[:, 0]).argmax()
-    return len(np.unique(seen[seen[:, 0] != fullest, 1]))
+    seen = np.zeros((int(bundle.view.max()) + 1, len(bundle.points)), dtype=bool)
+    seen[bundle.view, bundle.point] = True
+    seen[seen.sum(axis=1).argmax()] = False
+    return int(seen.any(axis=0).sum())
 
 
 @dataclass(frozen=True, slots=True)

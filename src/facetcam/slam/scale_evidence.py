@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.bundle import Bundle
-from facetcam.slam.information import linearise_all
+from facetcam.slam.information import linearise_points
 from facetcam.slam.optics import Optics
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ def scale_evidence(
     reach, stretch = xyz[track] - centre, np.zeros(len(track))
     for _ in range(2 * _STEPS):
         far = np.exp(stretch)[:, None] * reach
-        residual, _, by_point = linearise_all(sightings, centre + far, optics)
+        residual, by_point = linearise_points(sightings, centre + far, optics)
         along = np.einsum("nij,nj->ni", by_point, far)
         slope = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
         stretch = np.clip(stretch - np.sum(along * residual, axis=1) / slope**2, -2 * LARGEST, 2 * LARGEST)
@@ -123,7 +123,7 @@ def _mapped_alone(whole: Bundle, tracks: Index, optics: Optics, pixel_sigma: flo
     some.point = np.searchsorted(tracks, name[rows])
     xyz = whole.points[tracks // optics.n_views]
     for _ in range(_STEPS):
-        residual, _, by_point = linearise_all(some, xyz[some.point], optics)
+        residual, by_point = linearise_points(some, xyz[some.point], optics)
         weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
         H, gradient = np.zeros((len(xyz), 3, 3)), np.zeros((len(xyz), 3))
         np.add.at(H, some.point, np.einsum("n,nij,nik->njk", weight, by_point, by_point))
