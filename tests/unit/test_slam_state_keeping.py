@@ -213,3 +213,30 @@ def test_what_is_no_frame_is_refused_in_one_line(image: NDArray) -> None:
         make_frame(image, 1.5, (64, 48))
     assert "\n" not in str(caught.value)
     assert "1.500 s" in str(caught.value)
+
+
+def test_a_way_of_wheels_is_bent_to_where_sight_found_the_rig_again() -> None:
+    step, drift = moved(0, 0, 0.1, 0, 0.2, 0), moved(0, 0, 0.01, 0.002, 0.004, 0)
+    true = [np.linalg.matrix_power(step, k) for k in range(12)]
+    first = keyframe(0, np.eye(4))
+    trajectory = Trajectory()
+    trajectory.add(0.0, true[0], first)
+    for k in range(1, 11):  # wheels that turn and go too far, the same in each step
+        trajectory.add(k, trajectory.last() @ step @ drift, first, T_before=step @ drift)
+    trajectory.add(11.0, true[11], keyframe(11, true[11]), T_before=step @ drift)
+    before = np.linalg.norm(trajectory.poses()[1][:, :3, 3] - np.array(true)[:, :3, 3], axis=1)
+    trajectory.close_gaps()
+    after = np.linalg.norm(trajectory.poses()[1][:, :3, 3] - np.array(true)[:, :3, 3], axis=1)
+    assert before.max() > 0.07
+    assert after.max() < 0.01
+
+
+def test_a_way_of_wheels_without_an_end_in_sight_stays() -> None:
+    step = moved(0, 0, 0.1, 0, 0.2, 0)
+    trajectory = Trajectory()
+    trajectory.add(0.0, np.eye(4), keyframe(0, np.eye(4)))
+    for k in range(1, 4):
+        trajectory.add(k, trajectory.last() @ step, keyframe(0, np.eye(4)), T_before=step)
+    before = trajectory.poses()[1]
+    trajectory.close_gaps()
+    np.testing.assert_array_equal(trajectory.poses()[1], before)

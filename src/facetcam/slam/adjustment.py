@@ -47,8 +47,8 @@ class Adjuster:
 
     @property
     def window(self) -> list[Keyframe]:
-        """The keyframes that are adjusted together, oldest first."""
-        return self._map.keyframes[-self._config.window :]
+        """The keyframes that are adjusted together, oldest first: none from before a gap."""
+        return self._map.keyframes[self._map.since :][-self._config.window :]
 
     def adjust_window(self) -> None:
         """Adjust the window; older keyframes that share its points hold it in place."""
@@ -100,7 +100,16 @@ class Adjuster:
         Without `swept` it lacks what a readout of the shutter would do, unless one is known.
         """
         ids = self._map.observed_points(self._map.keyframes)
-        return self._bundle(self._map.keyframes, 1, ids, swept)[0] if len(ids) else None
+        if not len(ids):
+            return None
+        bundle = self._bundle(self._map.keyframes, 1, ids, swept)[0]
+        bundle.bridges = [m for m in self._steps(self._map.keyframes, 1) if self._lost_between(m.i, m.j)]
+        return bundle
+
+    def _lost_between(self, i: int, j: int) -> bool:
+        """Tell whether hardly a point joins two keyframes: nothing but wheels went from one to the other."""
+        a, b = (self._map.keyframes[k].observations.point for k in (i, j))
+        return len(np.intersect1d(a, b)) < self._config.min_inliers
 
     def _adjust(
         self,
@@ -162,7 +171,12 @@ class Adjuster:
 
     def _motions(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
         """Odometry between neighbours in time, and a loose hold on a scale that nothing else may hold."""
-        motions = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
+        hold = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
+        return hold + self._steps(keyframes, n_fixed)
+
+    def _steps(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
+        """Odometry between neighbours in time."""
+        motions = []
         believed = self._believed_steps(keyframes)
         for j in range(max(1, n_fixed), len(keyframes)):
             a, b = keyframes[j - 1], keyframes[j]

@@ -50,6 +50,8 @@ class Bundle:
         Where it was seen, in pixels of the view's ideal pinhole (`Optics.plane`).
     motions : list of RelativePose
         Odometry between frames.
+    bridges : list of RelativePose
+        Those of them that join frames with hardly a point in common: nothing else may hold these together.
     readout : float
         Seconds from the first row to the last, by which `plane` has been corrected.
     sweep : (M, 2) array or None
@@ -64,6 +66,7 @@ class Bundle:
     point: Index
     plane: Array
     motions: list[RelativePose] = field(default_factory=list)
+    bridges: list[RelativePose] = field(default_factory=list)
     readout: float = 0.0
     sweep: Array | None = None
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from facetcam.geometry import se3
 from facetcam.rig import RigCovariance
 from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
@@ -70,7 +71,7 @@ def information(
     V_inverse = _inverse_blocks((B.T @ B).tobsr((3, 3)), P)
     W = A.T @ B
     through, pull, rest = V_inverse @ (B.T @ C), V_inverse @ (B.T @ r), B.T @ C
-    poses = np.asarray((A.T @ A - W @ V_inverse @ W.T).todense())
+    poses = np.asarray((A.T @ A - W @ V_inverse @ W.T).todense()) + _across(bundle)
     joint, rig = A.T @ C - W @ through, C.T @ C - rest.T @ through
     pose_gradient, rig_gradient = A.T @ r - W @ pull, C.T @ r - rest.T @ pull
     u, w = joint[:, -1], rig[:-1, -1]
@@ -84,6 +85,21 @@ def information(
         rig_gradient=rig_gradient[:-1] - g / h * w,
         shutter=Shutter(u, h, g),
     )
+
+
+def _across(bundle: Bundle) -> Array:
+    """What wheels say of poses (6K, 6K) where nothing else joins two parts of a bundle."""
+    K = len(bundle.T_world_rig)
+    total = np.zeros((K, 6, K, 6))
+    for bridge in bundle.bridges:
+        i, j, weight = bridge.i, bridge.j, np.linalg.inv(bridge.covariance)
+        T_j_i = se3.inverse(bundle.T_world_rig[j]) @ bundle.T_world_rig[i]
+        back = -se3.adjoint(T_j_i)  # a twist of frame i, seen from j
+        total[j, :, j] += weight
+        total[i, :, i] += back.T @ weight @ back
+        total[i, :, j] += back.T @ weight
+        total[j, :, i] += weight @ back
+    return total.reshape(6 * K, 6 * K)
 
 
 def linearise_all(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Array, Array]:

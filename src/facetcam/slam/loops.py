@@ -27,6 +27,7 @@ _RETURNED = 30  # old points that are seen again where a loop closes
 _TIED = 30  # points that two keyframes share to be tied in the pose graph
 _ALIKE = 0.3  # of the best score, which an old place has that is worth a look
 _CLOSING_WEIGHT = 5.0
+_LOST_WEIGHT = 0.1  # of a way that no points have measured, but wheels
 _SAME_PIXELS = 1.5
 _LEAST_PAIRS = 10
 
@@ -98,9 +99,12 @@ class LoopCloser:
     def _away(self) -> int:
         return _AWAY * self._config.window
 
+    def _first_recent(self, keyframe: Keyframe) -> int:
+        return max(keyframe.index - self._away, self._map.since)
+
     def _tracked(self, keyframe: Keyframe) -> Loop | None:
         """Old points that no keyframe has seen for long are seen again."""
-        keyframes, first_recent = self._map.keyframes, max(keyframe.index - self._away, 0)
+        keyframes, first_recent = self._map.keyframes, self._first_recent(keyframe)
         recent = self._map.observed_points(keyframes[first_recent : keyframe.index])
         back = np.setdiff1d(keyframe.observations.point, recent)
         if len(back) < _RETURNED:
@@ -123,7 +127,7 @@ class LoopCloser:
         config, n = self._config, len(self._map.keyframes)
         score = self._places.resembling(keyframe.corners.descriptors, n, config.match_distance)
         best = score.max(initial=0.0)
-        score[max(keyframe.index - self._away, 0) :] = 0.0
+        score[self._first_recent(keyframe) :] = 0.0
         for other in self._map.keyframes[: len(score)]:
             if score[other.index] < _ALIKE * best or self._share_points(keyframe, other):
                 score[other.index] = 0.0
@@ -153,7 +157,8 @@ class LoopCloser:
         gap = float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
         growth = 1.0 if metric else self._growth(keyframe, fix)
         poses = self._map.poses()
-        edges = Edges.between(*self._ties(), poses).plus(
+        i, j, weight = self._ties()
+        edges = Edges.between(i, j, poses, weight).plus(
             old, keyframe.index, se3.inverse(poses[old]) @ fix.T_world_rig, growth, _CLOSING_WEIGHT
         )
         bent = relax(poses, edges, with_scale=not metric)
@@ -175,18 +180,17 @@ class LoopCloser:
         here = np.linalg.norm(xyz[new] - keyframe.T_world_rig[:3, 3], axis=1)
         return float(np.median(there / here))
 
-    def _ties(self) -> tuple[Index, Index]:
-        """Pairs of keyframes that follow each other or share many points."""
+    def _ties(self) -> tuple[Index, Index, Array]:
+        """Pairs of keyframes that follow each other or share many points, and how stiffly they are tied."""
         seen = [np.unique(k.observations.point) for k in self._map.keyframes]
         columns = np.concatenate(seen)
         start = np.cumsum([0, *(len(s) for s in seen)])
         sight = csr_matrix((np.ones(len(columns), np.int32), columns, start))
-        common = (sight @ sight.T).tocoo()
-        tied = (common.row < common.col) & ((common.data >= _TIED) | (common.col == common.row + 1))
-        pairs = set(zip(common.row[tied].tolist(), common.col[tied].tolist()))
-        pairs |= {(k, k + 1) for k in range(len(seen) - 1)}
-        i, j = np.array(sorted(pairs), np.int64).reshape(-1, 2).T
-        return i, j
+        common = (sight @ sight.T).todok()
+        tied = {(i, j) for (i, j), count in common.items() if i < j and count >= _TIED}
+        i, j = np.array(sorted(tied | {(k, k + 1) for k in range(len(seen) - 1)}), np.int64).reshape(-1, 2).T
+        lost = [common[pair] < self._config.min_inliers for pair in zip(i, j)]
+        return i, j, np.where(lost, _LOST_WEIGHT, 1.0)
 
     def _join(self, keyframe: Keyframe, ids: Index) -> None:
         """Observe old points in a keyframe, and merge the new points that lie at the same pixels."""

@@ -175,6 +175,7 @@ class Map:
         """Forget everything."""
         self.points = Points()
         self.keyframes: list[Keyframe] = []
+        self.since = 0  # keyframe with which the map went on after a gap that only wheels have crossed
         self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
 
     @property

@@ -55,6 +55,13 @@ class Motion:
             self.trajectory.add(keyframe.timestamp, keyframe.T_world_rig, keyframe)
         self._T_step, self._step, self.placed = start.T_step, start.step, True
 
+    def resume(self, start: Start) -> None:
+        """The map goes on from two frames of a rig that was lost; their poses were reckoned until now."""
+        for keyframe in (start.first, start.last):
+            self.trajectory.rehang(keyframe)
+        self._T_step, self._step = start.T_step, start.step
+        self.lost_frames, self._reckoning = 0, None
+
     def forget(self) -> None:
         """The map was wrong, and so are the poses in it."""
         self.trajectory.clear()
@@ -77,13 +84,16 @@ class Motion:
             return None
         return self._reckoning.further(planar_motion(self.odometry, odometry, 0.0)[0])
 
-    def follow(self, timestamp: float, fix: Fix, keyframe: Keyframe) -> None:
+    def follow(self, timestamp: float, fix: Fix, keyframe: Keyframe, odometry: Array | None) -> None:
         """Sight has found the rig."""
+        T_before = None
+        if self.lost_frames and odometry is not None and self.odometry is not None:
+            T_before = planar_motion(self.odometry, odometry, 0.0)[0]
         if self.placed:
             step = se3.inverse(self.trajectory.last()) @ fix.T_world_rig
             self._T_step = np.eye(4) if self.lost_frames else step
             self._step = timestamp - self.trajectory.last_timestamp
-        self.trajectory.add(timestamp, fix.T_world_rig, keyframe, fix.seen)
+        self.trajectory.add(timestamp, fix.T_world_rig, keyframe, fix.seen, T_before)
         self.lost_frames, self.placed, self._reckoning = 0, True, None
 
     def lose(self, odometry: Array | None, wheels_proven: bool) -> None:
@@ -102,5 +112,5 @@ class Motion:
         T_step, covariance = planar_motion(self.odometry, odometry, sigma)
         T_world_rig = self.trajectory.last() @ T_step
         self.covariance = reckoned_covariance(self.covariance, T_step, covariance)
-        self.trajectory.add(timestamp, T_world_rig, keyframe)
+        self.trajectory.add(timestamp, T_world_rig, keyframe, T_before=T_step)
         return T_world_rig

@@ -16,6 +16,7 @@ from facetcam.slam.mapping import Mapper
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.relocalisation import Relocaliser
+from facetcam.slam.resuming import Resumer
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.tracking import Tracker
@@ -33,6 +34,7 @@ class Parts:
     tracker: Tracker
     loops: LoopCloser
     starter: Starter
+    resumer: Resumer
     grower: Grower
     rig_check: RigCheck
 
@@ -41,20 +43,33 @@ class Parts:
         """Put them together round an empty map."""
         optics, map, places = Optics(rig, config.seam_margin), Map(), Places()
         corners = CornerFinder(optics, config.features, front_end)
-        adjuster = Adjuster(map, optics, config)
-        mapper = Mapper(map, optics, config, corners, adjuster)
-        relocaliser = Relocaliser(map, optics, config, corners, places)
-        tracker = Tracker(map, optics, config, corners, relocaliser)
-        loops = LoopCloser(map, optics, config, places, relocaliser, tracker)
+        core = _Core(optics, config, corners, map, places)
+        aside = _Core(optics, config, corners, Map(), Places())
+        loops = LoopCloser(map, optics, config, places, core.relocaliser, core.tracker)
         return cls(
             optics=optics,
             map=map,
             places=places,
-            adjuster=adjuster,
-            mapper=mapper,
-            tracker=tracker,
+            adjuster=core.adjuster,
+            mapper=core.mapper,
+            tracker=core.tracker,
             loops=loops,
-            starter=Starter(map, optics, config, corners, mapper, tracker),
-            grower=Grower(map, places, mapper, adjuster, loops, config),
+            starter=core.starter,
+            resumer=Resumer(aside.starter, aside.map, map, core.mapper, corners),
+            grower=Grower(map, places, core.mapper, core.adjuster, loops, config),
             rig_check=RigCheck(optics, config, corners),
         )
+
+
+class _Core:
+    """What makes and tracks a map, the one of the run or one beside it."""
+
+    def __init__(
+        self, optics: Optics, config: SlamConfig, corners: CornerFinder, map: Map, places: Places
+    ) -> None:
+        self.map = map
+        self.adjuster = Adjuster(map, optics, config)
+        self.mapper = Mapper(map, optics, config, corners, self.adjuster)
+        self.relocaliser = Relocaliser(map, optics, config, corners, places)
+        self.tracker = Tracker(map, optics, config, corners, self.relocaliser)
+        self.starter = Starter(map, optics, config, corners, self.mapper, self.tracker)

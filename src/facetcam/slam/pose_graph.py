@@ -36,10 +36,11 @@ class Edges:
     weight: Array
 
     @classmethod
-    def between(cls, i: Index, j: Index, T_world_rig: Array) -> Edges:
+    def between(cls, i: Index, j: Index, T_world_rig: Array, weight: Array | None = None) -> Edges:
         """Edges that want nodes to stay as they stand to each other."""
         ones = np.ones(len(i))
-        return cls(i, j, se3.inverse(T_world_rig[i]) @ T_world_rig[j], ones, ones)
+        T_i_j = se3.inverse(T_world_rig[i]) @ T_world_rig[j]
+        return cls(i, j, T_i_j, ones, ones if weight is None else weight)
 
     def plus(self, i: int, j: int, T_i_j: Array, growth: float, weight: float) -> Edges:
         """One edge more."""

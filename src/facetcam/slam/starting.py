@@ -103,6 +103,10 @@ class Starter:
         middle = len(self._waiting) // 2
         return self._start(middle, self._pairs(middle), showing) if len(self._waiting) >= _LONG else None
 
+    def forget(self) -> None:
+        """Wait for frames anew."""
+        self._waiting, self._passed = [], []
+
     def _pairs(self, row: int) -> Pairs:
         """Corners of a waiting frame that are found in the last one."""
         a, b = (self._corners(self._waiting[r].frame) for r in (row, -1))
@@ -119,7 +123,7 @@ class Starter:
         for T_first_new in self._motions(waiting, pairs, showing):
             start = self._first_map(passed, waiting, T_first_new)
             if start is not None:
-                self._waiting, self._passed = [], []
+                self.forget()
                 return start
         return None
 

@@ -162,7 +162,7 @@ class Slam:
                 proven = self.odometry_check.agrees
                 fix = self._tracker.find(frame, *(predictions if proven else predictions[::-1]))
             found = fix is not None and self._trust.believes(fix, self._motion.reckoned(odometry))
-            due = fix is not None and found and self._accept(fix, frame.timestamp)
+            due = fix is not None and found and self._accept(fix, frame.timestamp, odometry)
         if fix is None or not found:
             return self._miss(frame, odometry)
         keyframe = due and not self._localise_only and not self._mapping.busy
@@ -170,11 +170,13 @@ class Slam:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
 
-    def _accept(self, fix: Fix, timestamp: float) -> bool:
+    def _accept(self, fix: Fix, timestamp: float, odometry: Array | None) -> bool:
         """Believe a pose; tells whether a keyframe is due."""
+        if self._motion.lost_frames:
+            self._parts.resumer.forget()
         self._tracker.record(fix)
         nearest, distance = nearest_keyframe(self._map, fix, self.config)
-        self._motion.follow(timestamp, fix, nearest)
+        self._motion.follow(timestamp, fix, nearest, odometry)
         self._trust.accept()
         return is_due(fix, nearest, distance, self.config)
 
@@ -194,8 +196,24 @@ class Slam:
             T = self._motion.roll(frame.timestamp, odometry, self.config.odometry_sigma, last)
         if T is None:
             return State(frame.timestamp, Status.LOST, map_points=self._n_points)
+        if self._resumes(frame, odometry, T):
+            return self._begun(frame, self._motion.trajectory.last(), self._motion.covariance)
         covariance = self._motion.covariance
         return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
+
+    def _resumes(self, frame: Frame, odometry: Array | None, T_world_rig: Array) -> bool:
+        """Go on with the map from where the wheels have carried the rig, once two frames show enough."""
+        if self._localise_only or odometry is None:
+            return False
+        with self._timed("start"):
+            start = self._parts.resumer.offer(frame, odometry)
+        if start is None:
+            return False
+        self._mapping.wait()
+        start = self._parts.resumer.carry_over(start, T_world_rig, self._motion.covariance)
+        self._motion.resume(start)
+        self._trust = Trust(self._parts.optics.n_views)
+        return True
 
     @property
     def _young(self) -> bool:
@@ -217,10 +235,15 @@ class Slam:
             )
         self._motion.begin(start)
         start.first.measured = start.last.measured = len(start.last.observations)
+        return self._begun(frame, start.last.T_world_rig.copy())
+
+    def _begun(self, frame: Frame, T_world_rig: Array, covariance: Array | None = None) -> State:
+        """State of a frame with which a map begins, or goes on."""
         return State(
             frame.timestamp,
             Status.TRACKING,
-            start.last.T_world_rig.copy(),
+            T_world_rig,
+            covariance,
             keyframe=True,
             map_points=self._n_points,
         )
@@ -284,6 +307,7 @@ class Slam:
                 with self._map.lock:
                     sigma = self.config.pixel_sigma
                     self._motion.trajectory.solve_again(self._map, self._parts.optics, sigma)
+                    self._motion.trajectory.close_gaps()
 
     def _conclude_odometry(self) -> None:
         known = self.odometry_check.complaint

@@ -14,12 +14,14 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import refine_pose
+from facetcam.slam.pose_graph import Edges, relax
 from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 
 _NEAR = 0.3  # seconds within which a motion goes on
 _RECENT = 1000  # frames
+_HELD = 100.0  # times as stiff as a step of the wheels is what sight says of both ends
 _LEAST_SEEN = 20  # points of a frame that the map must still have for its pose to be solved again
 
 
@@ -46,6 +48,7 @@ class _Hung:
     T_keyframe_rig: Array
     scale: float  # of the keyframe when the pose was found
     seen: _Seen | None = None
+    T_before: Array | None = None  # what the wheels say of the way since the frame before
 
     def T_world_rig(self) -> Array:
         T = self.T_keyframe_rig.copy()
@@ -60,18 +63,29 @@ class Trajectory:
     _frames: list[_Hung] = field(default_factory=list)
 
     def add(
-        self, timestamp: float, T_world_rig: Array, keyframe: Keyframe, seen: Measurements | None = None
+        self,
+        timestamp: float,
+        T_world_rig: Array,
+        keyframe: Keyframe,
+        seen: Measurements | None = None,
+        T_before: Array | None = None,
     ) -> None:
-        """Hang the pose of a frame, and what it has been found by, on a keyframe."""
+        """Hang the pose of a frame on a keyframe, and what it has been found by.
+
+        `T_before` is given where only wheels led there from the frame before.
+        """
         T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
         kept = None if seen is None else _Seen.of(seen)
-        self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale, kept))
+        self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale, kept, T_before))
 
     def rehang(self, keyframe: Keyframe) -> None:
         """Let the frame that has become a keyframe follow itself."""
         for i in range(len(self._frames) - 1, -1, -1):
             if self._frames[i].timestamp == keyframe.timestamp:
-                self._frames[i] = _Hung(keyframe.timestamp, keyframe, np.eye(4), keyframe.scale)
+                before = self._frames[i].T_before
+                self._frames[i] = _Hung(
+                    keyframe.timestamp, keyframe, np.eye(4), keyframe.scale, T_before=before
+                )
                 return
 
     def velocity(self, timestamp: float) -> Array:
@@ -90,8 +104,19 @@ class Trajectory:
                 about = self._frames[max(i - 1, 0) : i + 2]
                 velocity = _velocity([f for f in about if abs(f.timestamp - frame.timestamp) < _NEAR])
                 T = _found_again(frame.T_world_rig(), velocity, seen, map, optics, sigma)
-                T_keyframe_rig = se3.inverse(frame.keyframe.T_world_rig) @ T
-                self._frames[i] = replace(frame, T_keyframe_rig=T_keyframe_rig, scale=frame.keyframe.scale)
+                self._frames[i] = _hung_at(frame, T)
+
+    def close_gaps(self) -> None:
+        """Bend each way that only wheels have measured until it ends where sight found the rig again."""
+        reckoned = [f.T_before is not None and f.keyframe.timestamp != f.timestamp for f in self._frames]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], reckoned, [False]]).astype(int)))
+        for first, end in zip(edges[::2], edges[1::2]):
+            steps = [f.T_before for f in self._frames[first : end + 1] if f.T_before is not None]
+            if first == 0 or len(steps) <= end - first:  # no sight before, or after
+                continue
+            bent = _bent(self._frames[first - 1].T_world_rig(), steps, self._frames[end].T_world_rig())
+            for i, T in enumerate(bent, first):
+                self._frames[i] = _hung_at(self._frames[i], T)
 
     @property
     def last_timestamp(self) -> float:
@@ -116,6 +141,22 @@ class Trajectory:
         frames = sorted(self._frames, key=lambda f: f.timestamp)
         poses = np.array([f.T_world_rig() for f in frames]).reshape(-1, 4, 4)
         return np.array([f.timestamp for f in frames]), poses
+
+
+def _hung_at(frame: _Hung, T_world_rig: Array) -> _Hung:
+    T = se3.inverse(frame.keyframe.T_world_rig) @ T_world_rig
+    return replace(frame, T_keyframe_rig=T, scale=frame.keyframe.scale)
+
+
+def _bent(start: Array, steps: list[Array], end: Array) -> Array:
+    """Poses of a chain of measured steps (N, 4, 4) from `start`, all but the last, which is held at `end`."""
+    poses = [start]
+    for step in steps:
+        poses.append(poses[-1] @ step)
+    nodes = np.arange(len(poses))
+    chain = Edges.between(nodes[:-1], nodes[1:], np.stack(poses))
+    closed = chain.plus(0, nodes[-1], se3.inverse(start) @ end, 1.0, _HELD)
+    return relax(np.stack(poses), closed, with_scale=False)[0][1:-1]
 
 
 def _velocity(frames: list[_Hung]) -> Array:

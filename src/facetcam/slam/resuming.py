@@ -1,0 +1,75 @@
+"""Going on where nothing of the map is in sight: from where the wheels have carried the rig."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.frame import CornerFinder, Frame
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.mapping import Mapper
+from facetcam.slam.measure import Measurements
+from facetcam.slam.starting import Start, Starter
+from facetcam.slam.two_frames import MIN_MATCHES, START_GATE
+
+Array = NDArray[np.float64]
+
+_PATIENCE = 5  # frames in which the map is looked for first
+
+
+class Resumer:
+    """Starts anew beside the map, and carries the start over into it.
+
+    The two parts of the map are joined by the wheels alone until the rig sees the old part again.
+
+    Parameters
+    ----------
+    starter : Starter
+        Of a map of its own, `aside`.
+    aside : Map
+    map : Map
+        To go on with.
+    mapper : Mapper
+    corners : CornerFinder
+    """
+
+    def __init__(self, starter: Starter, aside: Map, map: Map, mapper: Mapper, corners: CornerFinder) -> None:
+        self._starter = starter
+        self._aside = aside
+        self._map = map
+        self._mapper = mapper
+        self._corners = corners
+        self._in_vain = 0  # frames that showed enough, but nothing of the map
+
+    def offer(self, frame: Frame, odometry: Array) -> Start | None:
+        """Take one more frame of a lost rig; returns the start beside the map once there is one."""
+        if len(self._corners(frame)) < MIN_MATCHES:
+            self.forget()
+            return None
+        self._in_vain += 1
+        return self._starter.offer(frame, odometry) if self._in_vain > _PATIENCE else None
+
+    def carry_over(self, start: Start, T_world_rig: Array, covariance: Array) -> Start:
+        """Repeat a start in the map, its last frame at a pose of that covariance."""
+        self._map.since = len(self._map.keyframes)
+        T_world_aside = T_world_rig @ se3.inverse(start.last.T_world_rig)
+        first, last = (self._insert(k, T_world_aside, covariance) for k in (start.first, start.last))
+        self.forget()
+        return Start(first, last, [], start.T_step, start.step)
+
+    def _insert(self, keyframe: Keyframe, T_world_aside: Array, covariance: Array) -> Keyframe:
+        assert keyframe.frame is not None
+        T_world_rig = T_world_aside @ keyframe.T_world_rig
+        own = self._mapper.insert(
+            keyframe.frame, T_world_rig, Measurements.none(), keyframe.odometry, START_GATE
+        )
+        own.covariance = covariance
+        own.measured = len(own.observations)
+        return own
+
+    def forget(self) -> None:
+        """The rig knows where it is."""
+        self._in_vain = 0
+        self._starter.forget()
+        self._aside.clear()
