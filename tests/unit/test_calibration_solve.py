@@ -95,7 +95,8 @@ def test_solves_a_folded_rig_from_a_drawing_that_is_off(seed: int) -> None:
 
 
 def test_says_that_views_seen_alone_cannot_be_tied() -> None:
-    rig, set = presets.ryu(), boards(1, True)
+    whole, set = presets.ryu(), boards(1, True)
+    rig = replace(whole, views={name: view for name, view in whole.views.items() if name != "left"})
     seen: dict[int, Sighting] = {}
     for s in sightings_of(rig, set, 12, 0.1, 1):  # one sighting a photo: no photo ties two views
         seen.setdefault(s.photo, s)
@@ -103,6 +104,7 @@ def test_says_that_views_seen_alone_cannot_be_tied() -> None:
     alone = [u for u in result.unobservable if "alone" in u.what]
     assert {m for u in alone for m in u.mirrors} == {s.view for s in result.fit.sightings}
     assert all("at once" in u.advice for u in alone)
+    assert [u.mirrors for u in result.unobservable if "in no view" in u.what] == [("left",)]
     sigma = dict(zip(result.parameters.names, result.parameters.sigma))
     assert all(np.isnan(sigma[f"{u.mirrors[0]}: tilt u"]) for u in alone)
 

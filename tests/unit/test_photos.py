@@ -15,8 +15,9 @@ from PIL import Image as Pictures
 from facetcam.calibration import BoardSet
 from facetcam.errors import SourceError
 from facetcam.pipelines import photos as module
+from facetcam.pipelines.calibrate_inputs import oversized
 from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
-from facetcam.pipelines.photos import SecondLook, look_at_photos, photo_paths
+from facetcam.pipelines.photos import SecondLook, look_at_photos, passed_over, photo_paths
 
 BOARDS = BoardSet((BOARD,))
 
@@ -166,3 +167,38 @@ def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(Path, "iterdir", refused)
     with pytest.raises(SourceError, match=r"cannot be read \(Permission denied\)"):
         photo_paths(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("IMG_1.HEIC", ".HEIC photos are not read; save them as JPEG"), ("a.MP4", "a film; save")],
+)
+def test_pictures_that_are_not_read_are_named(tmp_path: Path, name: str, remedy: str) -> None:
+    (tmp_path / name).write_bytes(b"\0")
+    for what in (tmp_path, tmp_path / name):
+        with pytest.raises(SourceError, match=f"{name}: {remedy}"):
+            photo_paths(what)
+    write_photos(tmp_path, [photo(seed=k) for k in range(2)])
+    (tmp_path / "a folder.jpg").mkdir()
+    (tmp_path / "notes.txt").touch()
+    assert [path.name for path in photo_paths(tmp_path)] == ["00.png", "01.png"]
+    (line,) = passed_over(tmp_path)
+    assert f"1 file passed over, such as {name}: {remedy}" in line
+    assert passed_over([tmp_path / "00.png"]) == []
+
+
+def test_photos_turned_by_a_program(tmp_path: Path) -> None:
+    folder = write_photos(tmp_path, [photo(seed=1), cv2.rotate(photo(seed=2), cv2.ROTATE_90_CLOCKWISE)])
+    found, _ = look_at_photos(photo_paths(folder), BOARDS)
+    _, (warning,) = fit_together(found, SIZE)
+    assert "left out, not 640x480 pixels (turned by a program?" in warning
+    with pytest.raises(SourceError, match=r"480x640.*turned by a program\?"):
+        fit_together(found[1:], SIZE)
+
+
+@pytest.mark.parametrize(("factor", "wide"), [(1000.0, "180"), (0.001, "0.00018")])
+def test_squares_told_in_other_units(factor: float, wide: str) -> None:
+    told = replace(BOARD, square=factor * BOARD.square, marker=factor * BOARD.marker)
+    (line,) = oversized(BoardSet((told,)))
+    assert f"board 'wall' would be {wide} m wide" in line
+    assert oversized(BOARDS) == []

@@ -27,6 +27,7 @@ def unknowns(fit: Fit, known: Knowledge, boards: BoardSet) -> tuple[Unknown, ...
     optics = fit.state.optics
     assert isinstance(optics, MirrorOptics)
     found = [_unseen(fit, view) for view in fit.nominal.views if view not in fit.views]
+    found += _idle(fit)
     found += [_of_cluster(fit, known, names) for names in _clusters(known)]
     found += _gauge(optics) + _loose_boards(fit, boards)
     return tuple(sorted(found, key=lambda u: u.harmless))
@@ -44,6 +45,16 @@ def _unseen(fit: Fit, view: str) -> Unknown:
         f"add photos with a board in view '{view}' and another board in a second view at once",
         mirrors,
     )
+
+
+def _idle(fit: Fit) -> list[Unknown]:
+    """Mirrors that no view of the rig uses."""
+    used = {m for view in fit.nominal.views.values() for m in view.mirrors}
+    return [
+        Unknown(f"mirror '{name}' is in no view of the rig; it stays as drawn", mirrors=(name,))
+        for name in fit.nominal.mirrors
+        if name not in used
+    ]
 
 
 def _gauge(optics: MirrorOptics) -> list[Unknown]:

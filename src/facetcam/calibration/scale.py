@@ -12,8 +12,8 @@ from facetcam.calibration.result import Finding
 
 _FEWEST = 3  # distances that tell a common scale from one mirror that is off
 _LEAST = 0.02  # of a difference that is worth a word
+_NEAR = 1.5  # factor up to which the drawing is near enough to tell more than about how large they are
 _ALIKE = 8.0  # times the distances' own scatter: mirrors may be off each in its own way
-_SANE = 1.5  # factor up to which the solve is near enough to tell the size that would fit
 
 
 def wrong_scale(fit: Fit, boards: BoardSet) -> tuple[Finding, ...]:
@@ -51,11 +51,8 @@ def wrong_scale(fit: Fit, boards: BoardSet) -> tuple[Finding, ...]:
     if abs(scale - 1.0) < max(_LEAST, _ALIKE * scatter):
         return ()
     size = 1e3 * boards.boards[0].square
-    if 1 / _SANE < scale < _SANE:
-        way = "farther apart" if scale > 1 else "nearer together"
-        what = f"the views stand {abs(scale - 1.0):.1%} {way} than drawn, all alike"
-        fits = f"; {size / scale:.1f} mm would fit the drawing"
-    else:
-        what, fits = "the views stand nowhere near where they are drawn", ""
-    advice = f"measure the boards' squares (said to be {size:.1f} mm{fits}) and the drawing's sizes"
+    what = f"the views stand {scale:.3f} times as far apart as drawn, all alike"
+    near = 1 / _NEAR < scale < _NEAR
+    fits = (f"{size / scale:.1f}" if near else f"about {size / scale:.2g}") + " mm would fit the drawing"
+    advice = f"measure the boards' squares (said to be {size:.1f} mm; {fits}) and the drawing's sizes"
     return (Finding("scale", f"{what}: {advice}"),)

@@ -118,7 +118,10 @@ def rows_of(result: Calibrated) -> list[tuple[str, str]]:
     """The run in a few lines."""
     calibration, validation = result.calibration, result.validation
     rows = [
-        ("photos, sightings", f"{len(result.photos)}, {len(calibration.sightings)}"),
+        (
+            "photos, sightings",
+            f"{len({f.sighting.photo for f in calibration.sightings})}, {len(calibration.sightings)}",
+        ),
         ("residual", f"{calibration.rms():.3f} px RMS of the corners kept"),
     ]
     if validation is not None:

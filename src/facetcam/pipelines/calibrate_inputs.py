@@ -15,8 +15,10 @@ from facetcam.io.intrinsics import read_intrinsics
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_checks import fit_together, require_boards, require_motion
 from facetcam.pipelines.photo_memory import Photo, default_cache
-from facetcam.pipelines.photos import look_at_photos, photo_paths
+from facetcam.pipelines.photos import look_at_photos, passed_over, photo_paths
 from facetcam.rig import Camera, Rig
+
+_SMALLEST, _LARGEST = 0.01, 4.0  # metres; boards of rooms lie between
 
 Images = Path | str | Sequence[Path | str]
 
@@ -63,9 +65,20 @@ def look(
             )
         nominal = with_lens(nominal, read_intrinsics(camera))
     kept, warnings = looked(paths, chosen, out, nominal.size if nominal is not None else None, cache, stage)
+    warnings = (*passed_over(images), *oversized(chosen), *warnings)
     with telling(warnings):
         require_motion(kept)
     return Seen(tuple(kept), chosen, nominal, warnings)
+
+
+def oversized(boards: BoardSet) -> list[str]:
+    """Boards too large or too small to be meant, as when squares are told in other units than metres."""
+    sizes = [(board, max(board.size)) for board in boards.boards]
+    return [
+        f"board '{board.name}' would be {size:.3g} m wide: its square, {board.square:g}, is in metres"
+        for board, size in sizes
+        if not _SMALLEST < size < _LARGEST
+    ]
 
 
 def looked(

@@ -21,11 +21,11 @@ from facetcam.geometry import se3
 from facetcam.io.intrinsics import read_intrinsics
 from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.io.virtual_cameras import opencv_camera
-from facetcam.pipelines.calibrate_inputs import Images, looked, telling
+from facetcam.pipelines.calibrate_inputs import Images, looked, oversized, telling
 from facetcam.pipelines.calibrate_results import residuals_csv
 from facetcam.pipelines.demo import Stage, unwatched
 from facetcam.pipelines.photo_memory import Photo
-from facetcam.pipelines.photos import SecondLook, photo_paths
+from facetcam.pipelines.photos import SecondLook, passed_over, photo_paths
 from facetcam.pipelines.summary import to_json
 from facetcam.rig import Camera, Rig, View
 from facetcam.viz.hand_mirror_page import HandMirrorReport, write_hand_mirror_report
@@ -112,6 +112,7 @@ def run_hand_mirror(
     lens = camera if isinstance(camera, Camera) else read_intrinsics(camera)
     size = lens.width, lens.height
     photos, said = looked(photo_paths(images), set_, out, size, cache, stage)
+    said = (*passed_over(images), *oversized(set_), *said)
     board, warnings = set_.boards[0], [*said]
     photos, sightings = _in_the_mirror(photos, warnings)
     with telling(said), stage("solving"):

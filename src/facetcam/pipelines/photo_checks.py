@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -59,9 +59,10 @@ def fit_together(
         found = ", ".join(f"{w}x{h}" for w, h in sizes)
         raise SourceError(
             f"photos: they are {found}, but the camera of {rig_name} is {wanted[0]}x{wanted[1]};"
-            " intrinsics belong to one size"
+            f" intrinsics belong to one size{_turned(wanted, sizes)}"
         )
-    kept = _without(kept, lambda p: p.size != wanted, f"not {wanted[0]}x{wanted[1]} pixels", warnings)
+    turned = _turned(wanted, sizes)
+    kept = _without(kept, lambda p: p.size != wanted, f"not {wanted[0]}x{wanted[1]} pixels{turned}", warnings)
     seen: set[str] = set()
     twice = [p for p in kept if p.digest in seen or seen.add(p.digest)]  # type: ignore[func-returns-value]
     kept = _without(kept, lambda p: any(p is t for t in twice), "the same file as another photo", warnings)
@@ -83,6 +84,13 @@ def fit_together(
             f"{len(blank)} of {plural(len(kept), 'photo')} {show} no board that could be read: {names}"
         )
     return [renumbered(photo, index) for index, photo in enumerate(kept)], warnings
+
+
+def _turned(wanted: tuple[int, int], sizes: Iterable[tuple[int, int]]) -> str:
+    """That photos were turned by a program, where they were; a camera turns none, it writes a tag."""
+    if wanted[::-1] not in sizes:
+        return ""
+    return " (turned by a program? take the files as the camera wrote them)"
 
 
 def renumbered(photo: Photo, index: int) -> Photo:

@@ -22,11 +22,14 @@ from facetcam.errors import FacetcamError, SourceError
 from facetcam.io.image_folder import SUFFIXES, natural_key, read_image
 from facetcam.pipelines.photo_memory import Photo, key, recall, remember
 from facetcam.pipelines.progress import Progress, silent
+from facetcam.viz.wording import plural
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
 KEPT_IMAGES = 4  # of the second look
+UNREAD = {".heic", ".heif", ".avif", ".gif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2"}
+FILMS = {".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".3gp", ".mts"}
 
 
 def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
@@ -35,7 +38,7 @@ def photo_paths(images: Path | str | Sequence[Path | str]) -> list[Path]:
     Raises
     ------
     SourceError
-        If there is none, one is missing, or the folder cannot be read.
+        If there is none, one is missing or a film, or the folder cannot be read.
     """
     if isinstance(images, (str, Path)):
         try:
@@ -53,12 +56,40 @@ def _photos_in(folder: Path) -> list[Path]:
     if not folder.exists():
         raise SourceError(f"{folder}: no such folder of photos")
     if folder.is_file():
+        if folder.suffix.lower() in UNREAD | FILMS:
+            raise SourceError(f"{folder}: {_remedy(folder)}")
         return [folder]
-    found = (f for f in folder.iterdir() if f.suffix.lower() in SUFFIXES and not f.name.startswith("."))
-    paths = sorted(found, key=natural_key)
+    paths = _files_in(folder, SUFFIXES)
     if not paths:
-        raise SourceError(f"{folder}: no photos in this folder (known are {' '.join(sorted(SUFFIXES))})")
+        others = _files_in(folder, UNREAD | FILMS)
+        hint = f"; {others[0].name}: {_remedy(others[0])}" if others else ""
+        known = " ".join(sorted(SUFFIXES))
+        raise SourceError(f"{folder}: no photos in this folder (known are {known}){hint}")
     return paths
+
+
+def _files_in(folder: Path, suffixes: set[str]) -> list[Path]:
+    """Visible files with one of the suffixes, in natural order."""
+    found = (f for f in folder.iterdir() if f.suffix.lower() in suffixes and not f.name.startswith("."))
+    return sorted((f for f in found if f.is_file()), key=natural_key)
+
+
+def _remedy(file: Path) -> str:
+    if file.suffix.lower() in FILMS:
+        return "a film; save frames of it as PNG, of moments in which nothing moves"
+    return f"{file.suffix} photos are not read; save them as JPEG or PNG of the same size"
+
+
+def passed_over(images: Path | str | Sequence[Path | str]) -> list[str]:
+    """Files of the folder that hold pictures but are not read, in a line; none if there are none."""
+    folder = Path(images) if isinstance(images, (str, Path)) else None
+    if folder is None or not folder.is_dir():
+        return []
+    others = _files_in(folder, UNREAD | FILMS)
+    if not others:
+        return []
+    count = plural(len(others), "file")
+    return [f"{folder}: {count} passed over, such as {others[0].name}: {_remedy(others[0])}"]
 
 
 def look_at_photos(
