@@ -18,6 +18,7 @@ from facetcam.slam.uncertainty import reckoned_covariance
 
 Array = NDArray[np.float64]
 
+_PLANAR = np.array([False, False, True, True, True, False])  # of a twist, what wheels can tell
 _MAX_STEPS = 3.0  # for which a motion is taken to go on
 
 
@@ -73,10 +74,12 @@ class Motion:
             return []
         last = self.trajectory.last()
         steps = (timestamp - self.trajectory.last_timestamp) / self._step if self._step else 1.0
-        inertial = last @ se3.exp(min(steps, _MAX_STEPS) * se3.log(self._T_step))
+        twist = min(steps, _MAX_STEPS) * se3.log(self._T_step)
+        inertial = last @ se3.exp(twist)
         if odometry is None or self.odometry is None:
             return [inertial]
-        return [last @ planar_motion(self.odometry, odometry, 0.0)[0], inertial]
+        wheels = se3.log(planar_motion(self.odometry, odometry, 0.0)[0])
+        return [last @ se3.exp(np.where(_PLANAR, wheels, twist)), inertial]
 
     def reckoned(self, odometry: Array | None) -> Reckoning | None:
         """Where wheels without a gap since the loss have carried a lost rig."""
