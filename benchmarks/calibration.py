@@ -25,7 +25,7 @@ from facetcam.calibration.solve import solve
 from facetcam.calibration.validation import validate
 from facetcam.pipelines.calibrate import Seen, look
 from facetcam.pipelines.photos import SecondLook
-from facetcam.rig import Rig, presets
+from facetcam.rig import Glass, Rig, presets
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from calibration_worlds import boards, disturbed, sightings_of
@@ -117,17 +117,19 @@ def worlds() -> Iterator[tuple[str, Rig, BoardSet]]:
     ):
         yield name, replace(rig, camera=replace(rig.camera, distortion=distortion)), boards(8, True)
     rig = presets.table()
-    yield (
-        "table",
-        replace(rig, camera=replace(rig.camera, distortion=distortion)),
-        boards(1, False, 0.025, (8, 6)),
-    )
+    table = replace(rig, camera=replace(rig.camera, distortion=distortion))
+    yield "table", table, boards(1, False, 0.025, (8, 6))
+    pane = Glass(0.004, 1.52, thickness_sigma=0.004)  # hardly more than that there is glass
+    panes = {name: replace(mirror, glass=pane) for name, mirror in table.mirrors.items()}
+    yield "table, glass", replace(table, mirrors=panes), boards(1, False, 0.025, (8, 6))
 
 
-def sigma(trials: int) -> None:
-    """How often the truth lies within one and three sigma, over all numbers of lens and mirrors."""
+def sigma(trials: int, chosen: Sequence[str] = ()) -> None:
+    """How often the truth lies within one and three sigma, over all numbers of lens, mirrors and glass."""
     rows = []
     for name, rig, set in worlds():
+        if chosen and name not in chosen:
+            continue
         normalised = np.concatenate(list(normalised_errors(rig, set, trials)))
         z = np.abs(normalised[np.isfinite(normalised)])
         shares = [f"{100 * np.mean(z < k):.1f} %" for k in (1, 2, 3)]
@@ -142,7 +144,8 @@ def normalised_errors(rig: Rig, set: BoardSet, trials: int) -> Iterator[np.ndarr
     first = solve(rig, set, noisy(clean, 0))
     truth = true_values(first, rig)
     for trial in range(trials):
-        fit = refitted(first.fit, noisy(list(first.fit.sightings), trial, clean))
+        told = restated(first.fit, trial)
+        fit = refitted(told, noisy(list(first.fit.sightings), trial, clean))
         known = knowledge(fit, NOISE)
         yield (values(fit)[known.free] - truth[known.free]) / known.sigma
 
@@ -165,6 +168,15 @@ def exact_pixels(sighting: Sighting, exact: Sequence[Sighting]) -> np.ndarray:
     return min(same, key=lambda p: float(np.abs(p - sighting.pixels).max()))
 
 
+def restated(fit: Fit, seed: int) -> Fit:
+    """What is stated of the glass off the truth by its own sigma: it counts as a measurement too."""
+    optics = fit.state.optics
+    assert isinstance(optics, MirrorOptics)
+    sigma = optics.tolerance[3 * len(optics.planes) :].reshape(-1, 2)
+    drawn = optics.drawn + sigma * np.random.default_rng(2000 + seed).standard_normal(sigma.shape)
+    return replace(fit, state=replace(fit.state, optics=replace(optics, drawn=drawn)))
+
+
 def refitted(fit: Fit, sightings: Sequence[Sighting]) -> Fit:
     """The same problem solved for other pixels."""
     looks = replace(fit.looks, pixels=np.concatenate([s.pixels for s in sightings]))
@@ -174,15 +186,17 @@ def refitted(fit: Fit, sightings: Sequence[Sighting]) -> Fit:
 
 
 def values(fit: Fit) -> np.ndarray:
-    """Numbers of lens and mirrors."""
+    """Numbers of lens, mirrors and glass."""
     assert isinstance(fit.state.optics, MirrorOptics)
-    return np.concatenate([fit.state.intrinsics, *(p.values for p in fit.state.optics.planes)])
+    return np.concatenate([fit.state.intrinsics, fit.state.optics.values])
 
 
 def true_values(result: Calibration, rig: Rig) -> np.ndarray:
     """The true numbers: the drawing was the truth, so that no mirror has moved."""
     camera = rig.camera
-    mirrors = np.zeros(result.fit.state.optics.count)
+    optics = result.fit.state.optics
+    assert isinstance(optics, MirrorOptics)
+    mirrors = np.concatenate([np.zeros(3 * len(optics.planes)), optics.drawn.reshape(-1)])
     return np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion, *mirrors])
 
 
@@ -190,10 +204,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*", default=["whole", "few", "starts", "sigma"])
     parser.add_argument("--trials", type=int, default=100)
+    parser.add_argument("--rig", action="append", default=[], help="of the noise trials (default: all)")
     chosen = parser.parse_args()
     for part in chosen.parts:
         if part == "sigma":
-            sigma(chosen.trials)
+            sigma(chosen.trials, chosen.rig)
         else:
             {"whole": whole, "few": few, "starts": starts}[part](data_folder())
 

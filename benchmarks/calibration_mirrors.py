@@ -2,6 +2,7 @@
 
 python benchmarks/calibration_mirrors.py table
 python benchmarks/calibration_mirrors.py hand
+python benchmarks/calibration_mirrors.py panes
 """
 
 from __future__ import annotations
@@ -26,17 +27,17 @@ from facetcam.calibration.least_squares import minimise
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.problem import subset
 from facetcam.calibration.result import Calibration
+from facetcam.calibration.solve import solve
 from facetcam.pipelines.calibrate_in_memory import calibrate
-from facetcam.rig import Camera
+from facetcam.rig import Camera, Glass, Mirror
 
 SQUARE = 0.03  # the table's square is not stated; all lengths scale with it
+TABLE = BoardSet((Board("board", "chessboard", (8, 7), SQUARE),))
 
 
 def table(folder: Path) -> None:
     """Solve the two-mirror table, and judge it by photos left out."""
-    boards = BoardSet((Board("board", "chessboard", (8, 7), SQUARE),))
-    images = [folder / f"Image{i}.jpg" for i in range(1, 12)]
-    calibration = calibrate(images, boards)
+    calibration = of_table(folder)
     fit: Fit = calibration.fit
     views = Counter(f.sighting.view for f in calibration.sightings)
     kept = np.concatenate([f.kept for f in calibration.sightings])
@@ -53,6 +54,61 @@ def table(folder: Path) -> None:
     ]
     show("two-mirror table", ("", "value"), rows)
     held_out(fit)
+
+
+def of_table(folder: Path) -> Calibration:
+    """The two-mirror table solved from its photos alone."""
+    return calibrate([folder / f"Image{i}.jpg" for i in range(1, 12)], TABLE)
+
+
+def panes(folder: Path) -> None:
+    """One glass for both mirrors against one for each: photos left out in turn tell which predicts better.
+
+    The spread of the thicknesses over the sets that lack a photo each gives their sigma (jackknife), whatever
+    the residuals of a photo have in common; the covariance takes every corner for an independent witness.
+    """
+    shared = of_table(folder)
+    rig, rows = shared.rig, []
+    apart = {n: replace(m, glass=pane_of_its_own(m, k)) for k, (n, m) in enumerate(rig.mirrors.items())}
+    own = solve(replace(rig, mirrors=apart), TABLE, [f.sighting for f in shared.sightings], None)
+    for name, calibration in (("shared", shared), ("one each", own)):
+        whole: Fit = calibration.fit
+        rest = {p: whole.of_photos([q for q in whole.photos if q != p]).solved(None) for p in whole.photos}
+        thick = np.array([thicknesses(fit) for fit in rest.values()])
+        spread = np.sqrt((len(thick) - 1) * thick.var(axis=0))
+        off = [
+            np.concatenate([predicted(whole, fit, photo, known) for photo, fit in rest.items()])
+            for known in ({"direct"}, {"direct", "left"})
+        ]
+        cells = [f"{v:.2f} +- {s:.2f}" for v, s in zip(thicknesses(whole), spread)]
+        rows.append(
+            (name, f"{calibration.rms():.4f}", *cells, *(f"{np.sqrt((o**2).mean()):.3f}" for o in off))
+        )
+    columns = (
+        "glass",
+        "RMS, px",
+        "left, mm",
+        "right, mm",
+        "left - right, mm",
+        "from direct",
+        "direct + left",
+    )
+    show("two-mirror table: glass, sigma by photos left out, and what it predicts", columns, rows)
+
+
+def pane_of_its_own(mirror: Mirror, index: int) -> Glass:
+    """The same glass, known too little to tie it to another's."""
+    assert mirror.glass is not None
+    thickness = mirror.glass.thickness + 1e-6 * index  # sheets that are drawn alike count as one
+    return replace(mirror.glass, thickness=thickness, thickness_sigma=thickness)
+
+
+def thicknesses(fit: Fit) -> list[float]:
+    """Of the two mirrors, and their difference, mm."""
+    optics = fit.state.optics
+    assert isinstance(optics, MirrorOptics)
+    left, right = (1e3 * optics.glass[optics.names.index(name), 0] for name in ("left", "right"))
+    return [left, right, left - right]
 
 
 def said(calibration: Calibration, name: str) -> str:
@@ -153,16 +209,16 @@ def hand(folder: Path) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the tables of one of the two."""
+    """Print the tables of one of them."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("which", choices=("table", "hand"))
+    parser.add_argument("which", choices=("table", "hand", "panes"))
     which = parser.parse_args(arguments).which
     folder = data_folder() / "mirrors"
     cv2.setNumThreads(1)
-    if which == "table":
-        table(folder / "two-mirror-table")
-    else:
+    if which == "hand":
         hand(folder / "one-mirror")
+    else:
+        {"table": table, "panes": panes}[which](folder / "two-mirror-table")
 
 
 if __name__ == "__main__":
