@@ -59,6 +59,20 @@ def test_views_whose_pairs_are_chance_deny_nothing(ryu: Optics) -> None:
     assert not is_denied(joined(only(pairs, [3]), chance), MOTION, ryu)
 
 
+def stretched(T: Array, factor: float) -> Array:
+    return se3.from_rotation_translation(T[:3, :3], factor * T[:3, 3])
+
+
+def test_a_motion_of_another_length_is_not_denied(ryu: Optics) -> None:
+    """A young map may yet have the length of a way wrong; where it went, it knows."""
+    pairs = true_pairs(ryu, MOTION, np.random.default_rng(66))
+    nearly = MOTION @ se3.exp([0.0, 0.0, 0.02, 0.0, 0.0, 0.0])
+    for stretch in (0.7, 1.4):
+        assert not is_denied(pairs, stretched(nearly, stretch), ryu)
+    assert is_denied(pairs, nearly @ se3.exp([0.0, 0.0, 0.0, 0.2, 0.0, 0.0]), ryu)
+    assert is_denied(pairs, stretched(MOTION, -1.0), ryu)
+
+
 def test_one_view_against_one_denies_nothing(ryu: Optics) -> None:
     assert not is_denied(only(world(ryu, [1], 5), [0, 1]), ANOTHER, ryu)
 

@@ -1,14 +1,21 @@
-"""Which poses are believed after a loss."""
+"""Which poses are believed after a loss, or a jump."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from facetcam.geometry import se3
+from facetcam.slam.frame import Corners
+from facetcam.slam.map import Keyframe
 from facetcam.slam.measure import Measurements, Predictions
+from facetcam.slam.motion import Motion
 from facetcam.slam.pose import Pose
 from facetcam.slam.tracking import Fix, better
 from facetcam.slam.trust import Reckoning, Trust
+
+Array = NDArray[np.float64]
 
 SHARP, BLUNT = 0.3, 2.0  # pixels
 
@@ -44,6 +51,48 @@ def test_a_look_alike_with_more_measurements_does_not_win() -> None:
     assert better(near, look_alike) is near
     assert better(None, look_alike) is look_alike
     assert better(near, fix([60, 0, 0, 20], [80, 0, 0, 30], SHARP)) is not near
+
+
+def test_a_jump_needs_a_second_view_or_wheels() -> None:
+    """Tracking that is not lost may still slide on to a look-alike, in one view or with few in each."""
+    one_view, expected = [0, 60, 0, 0], [60, 80, 60, 60]
+    for poor in (fix(one_view, expected, SHARP), fix([12, 15, 6, 9], [200] * 4, BLUNT)):
+        assert not Trust(4).believes(poor, jumps=True)
+    assert Trust(4).believes(fix([30, 60, 0, 0], expected, BLUNT), jumps=True)
+
+
+def driven(speed: float, interval: float) -> tuple[Motion, list[Array]]:
+    """A rig that has driven straight ahead, and where it is expected an interval later."""
+    motion, keyframe = Motion(), Keyframe(0, 0.0, np.eye(4), Corners.none(), None, None)
+    for k in range(3):
+        way = se3.exp([0.0, 0.0, 0.0, 0.0, k * speed * interval, 0.0])
+        motion.follow(k * interval, Fix(Pose(way, np.eye(6), np.zeros(0)), *nothing_seen()), keyframe)
+    return motion, motion.predictions(3 * interval, None)
+
+
+def nothing_seen() -> tuple[Predictions, Measurements]:
+    seen = fix([0], [0], SHARP)
+    return seen.predictions, seen.seen
+
+
+@pytest.mark.parametrize(
+    ("interval", "aside", "turn", "jumps"),
+    [
+        (0.1, 0.1, 0.0, False),
+        (0.1, 0.3, 0.0, True),
+        (0.1, 0.0, 0.2, False),
+        (0.1, 0.0, 0.5, True),
+        (0.5, 1.0, 1.5, False),
+        (0.033, 0.15, 0.0, True),
+    ],
+)
+def test_a_jump_is_what_no_rig_can_do(interval: float, aside: float, turn: float, jumps: bool) -> None:
+    motion, expected = driven(0.7, interval)
+    there = expected[0] @ se3.exp([0.0, 0.0, turn, aside, 0.0, 0.0])
+    assert motion.jumps(3 * interval, there, expected) is jumps
+    assert not motion.jumps(3 * interval, there, [*expected, there])  # wheels say the same
+    motion.lose(None, False)
+    assert not motion.jumps(3 * interval, there, expected)  # doubted already
 
 
 @pytest.mark.parametrize("residual", [SHARP, BLUNT])

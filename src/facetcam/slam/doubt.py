@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
 from facetcam.slam.two_frames import joint_motion, view_motions
@@ -17,6 +18,7 @@ _AGREEING = 0.5  # share of a view's pairs, below which it contradicts a motion
 _STANDING = 0.5  # and above which it stands where the turn alone should have moved it
 _SURE = 0.8  # and above which it agrees with it beyond doubt
 _BETTER = 0.2  # by which another motion's share is larger
+_ALIKE = 0.03  # radians between the turns, and between the ways, of motions that may differ in length alone
 
 
 def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
@@ -27,13 +29,21 @@ def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
     return aside if len(aside) < len(witnesses) else aside[:0]
 
 
+def _on_the_same_way(T: Array, T_a_b: Array) -> bool:
+    """Tell whether motions differ in little but their length, which a young map may yet get wrong."""
+    turn = np.linalg.norm(se3.log(se3.inverse(T_a_b) @ T)[:3])
+    a, b = T[:3, 3], T_a_b[:3, 3]
+    aside = np.linalg.norm(np.cross(a, b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-12)
+    return bool(max(turn, aside) < _ALIKE and a @ b > 0.0)
+
+
 def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
-    """Tell whether another motion explains what more views show, and far better, than this one does."""
+    """Tell whether a motion along another way explains what more views show, and far better, than this."""
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
     doubters = witnesses[fitting < _SURE]
     others = pairs.without(np.setdiff1d(np.unique(pairs.views), doubters))
     another = joint_motion(others, view_motions(others, optics), optics) if len(doubters) > 1 else None
-    if another is None:
+    if another is None or _on_the_same_way(another, T_a_b):
         return False
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER

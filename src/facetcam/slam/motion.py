@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 _PLANAR = np.array([False, False, True, True, True, False])  # of a twist, what wheels can tell
 _MAX_STEPS = 3.0  # for which a motion is taken to go on
+_FASTEST = (10.0, 20.0)  # metres and radians a second squared, by which a rig changes its motion at most
+_UNSURE = (0.1, 0.1)  # metres and radians by which a pose may differ in any case
 
 
 @dataclass(slots=True)
@@ -80,6 +82,16 @@ class Motion:
             return [inertial]
         wheels = se3.log(planar_motion(self.odometry, odometry, 0.0)[0])
         return [last @ se3.exp(np.where(_PLANAR, wheels, twist)), inertial]
+
+    def jumps(self, timestamp: float, T_world_rig: Array, predictions: list[Array]) -> bool:
+        """Tell whether a pose is farther from each prediction than a rig can get since the last pose."""
+        if not predictions or self.lost_frames:
+            return False
+        passed = timestamp - self.trajectory.last_timestamp
+        off = np.array([se3.log(se3.inverse(T) @ T_world_rig).reshape(2, 3) for T in predictions])
+        turn, way = np.linalg.norm(off, axis=2).T
+        near = (way < _UNSURE[0] + _FASTEST[0] * passed**2) & (turn < _UNSURE[1] + _FASTEST[1] * passed**2)
+        return not near.any()
 
     def reckoned(self, odometry: Array | None) -> Reckoning | None:
         """Where wheels without a gap since the loss have carried a lost rig."""

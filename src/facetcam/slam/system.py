@@ -161,7 +161,11 @@ class Slam:
             with self._timed("track"):
                 proven = self.odometry_check.agrees
                 fix = self._tracker.find(frame, *(predictions if proven else predictions[::-1]))
-            found = fix is not None and self._trust.believes(fix, self._motion.reckoned(odometry))
+            found = fix is not None and self._trust.believes(
+                fix,
+                self._motion.reckoned(odometry),
+                self._motion.jumps(frame.timestamp, fix.T_world_rig, predictions),
+            )
             due = fix is not None and found and self._accept(fix, frame.timestamp, odometry)
         if fix is None or not found:
             return self._miss(frame, odometry)

@@ -1,4 +1,4 @@
-"""Which poses are believed: all while tracking, only clear or repeated ones after a loss."""
+"""Which poses are believed: all that go on smoothly, only clear or repeated ones after a jump or a loss."""
 
 from __future__ import annotations
 
@@ -62,9 +62,12 @@ class Trust:
         """Doubt the next poses."""
         self._left = _PROBATION
 
-    def believes(self, fix: Fix, wheels: Reckoning | None = None) -> bool:
-        """Tell whether a pose is good enough now; `wheels` tell where a lost rig should be."""
-        if not self._left:
+    def believes(self, fix: Fix, wheels: Reckoning | None = None, jumps: bool = False) -> bool:
+        """Tell whether a pose is good enough now; `wheels` tell where a lost rig should be.
+
+        `jumps` says that it is farther from all predictions than a rig could have got.
+        """
+        if not self._left and not jumps:
             return True
         agreed = wheels is not None and wheels.agrees(fix.T_world_rig)
         confirmed = self._witnesses(fix) + int(agreed and fix.sharp) >= _WITNESSES
