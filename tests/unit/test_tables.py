@@ -136,3 +136,30 @@ class TestOdometry:
         (tmp_path / "o.csv").write_text(content)
         with pytest.raises(SourceError, match=rf"o\.csv.*{message}"):
             read_odometry(tmp_path / "o.csv")
+
+    @pytest.mark.parametrize(
+        ("factors", "message"),
+        [
+            ((1.0, 1.0, 1.0, 1.0), ""),
+            ((1.0, -1.0, -1.0, 1.0), ""),
+            ((1.0, 1000.0, 1000.0, 1.0), "x, y usually change by"),
+            ((1000.0, 1.0, 1.0, 1.0), "rows usually come 100 s apart"),
+            ((1.0, 1.0, 1.0, 180.0 / np.pi), "in degrees; give radians"),
+        ],
+    )
+    def test_units(self, tmp_path: Path, factors: tuple[float, ...], message: str) -> None:
+        """A bow at half a metre a second, in several units; backwards it is a drive, too."""
+        t = 0.1 * np.arange(100)
+        bow = np.column_stack([t, 1.2 * np.sin(0.4 * t), 1.2 * (1.0 - np.cos(0.4 * t)), 0.4 * t]) * factors
+        np.savetxt(tmp_path / "o.csv", bow, "%.6f", ",", header="timestamp,x,y,yaw", comments="")
+        if not message:
+            assert read_odometry(tmp_path / "o.csv").at(5.0) == pytest.approx(bow[50, 1:])
+            return
+        with pytest.raises(SourceError, match=message):
+            read_odometry(tmp_path / "o.csv")
+
+    def test_a_rig_that_spins_while_it_goes_aside_is_no_table_in_degrees(self, tmp_path: Path) -> None:
+        t = 0.1 * np.arange(300)
+        spin = np.column_stack([t, 0.5 * t, 0.0 * t, 3.0 * t])
+        np.savetxt(tmp_path / "o.csv", spin, "%.6f", ",", header="timestamp,x,y,yaw", comments="")
+        assert read_odometry(tmp_path / "o.csv").at(29.0) == pytest.approx((14.5, 0.0, 87.0))

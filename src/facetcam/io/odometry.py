@@ -15,6 +15,11 @@ from facetcam.io.tables import read_numbers, require_increasing
 
 Array = NDArray[np.float64]
 COLUMNS = "timestamp,x,y,yaw"
+_WIDE = 60.0  # range of yaw that is little in degrees, but many turns in radians
+_ALONG = (
+    0.95,
+    0.8,
+)  # shares of the way along the heading: of wheels that cannot go aside, and of another one
 FASTEST = 10.0  # metres or radians a second, that a robot keeps up
 MAX_GAP = 0.5  # seconds; over longer ones a straight line would be invented motion
 
@@ -83,9 +88,18 @@ def read_odometry(path: Path | str) -> Odometry:
 
 
 def _require_plausible(path: Path | str, times: Array, x: Array, y: Array, yaw: Array) -> None:
-    """Refuse tables whose usual speed is that of no robot: millimetres, degrees, or times in milliseconds."""
+    """Refuse tables in other units: their usual speed, interval, or heading is that of no robot."""
     if len(times) < 2:
         return
+    interval = float(np.median(np.diff(times)))
+    if interval > MAX_GAP:
+        raise SourceError(
+            f"{path}: rows usually come {interval:.3g} s apart, and {MAX_GAP} s is a gap; give more rows, in"
+            " seconds"
+        )
+    in_degrees, in_radians = _ahead(x, y, np.radians(yaw)), _ahead(x, y, yaw)
+    if np.ptp(yaw) > _WIDE and in_degrees > _ALONG[0] and in_radians < _ALONG[1]:
+        raise SourceError(f"{path}: it drives along its yaw if that is in degrees; give radians")
     turns = np.abs(np.arctan2(np.sin(np.diff(yaw)), np.cos(np.diff(yaw))))
     for name, steps, unit in (("x, y", np.hypot(np.diff(x), np.diff(y)), "m"), ("yaw", turns, "rad")):
         moving = steps > 1e-9
@@ -94,3 +108,10 @@ def _require_plausible(path: Path | str, times: Array, x: Array, y: Array, yaw: 
             raise SourceError(
                 f"{path}: {name} usually change by {speed:.0f} {unit}/s; give seconds, metres and radians"
             )
+
+
+def _ahead(x: Array, y: Array, yaw: Array) -> float:
+    """Share of the way that leads along the heading, forwards or backwards."""
+    dx, dy, middle = np.diff(x), np.diff(y), 0.5 * (yaw[1:] + yaw[:-1])
+    way = float(np.hypot(dx, dy).sum())
+    return float(np.abs(dx * np.cos(middle) + dy * np.sin(middle)).sum()) / max(way, 1e-12)

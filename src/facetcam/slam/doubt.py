@@ -33,8 +33,8 @@ def _on_the_same_way(T: Array, T_a_b: Array) -> bool:
     """Tell whether motions differ in little but their length, which a young map may yet get wrong."""
     turn = np.linalg.norm(se3.log(se3.inverse(T_a_b) @ T)[:3])
     a, b = T[:3, 3], T_a_b[:3, 3]
-    aside = np.linalg.norm(np.cross(a, b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-12)
-    return bool(max(turn, aside) < _ALIKE and a @ b > 0.0)
+    aside = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+    return bool(turn < _ALIKE and aside < _ALIKE)
 
 
 def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
