@@ -66,7 +66,7 @@ def driven(speed: float, interval: float) -> tuple[Motion, list[Array]]:
     motion, keyframe = Motion(), Keyframe(0, 0.0, np.eye(4), Corners.none(), None, None)
     for k in range(3):
         way = se3.exp([0.0, 0.0, 0.0, 0.0, k * speed * interval, 0.0])
-        motion.follow(k * interval, Fix(Pose(way, np.eye(6), np.zeros(0)), *nothing_seen()), keyframe)
+        motion.follow(k * interval, Fix(Pose(way, np.eye(6), np.zeros(0)), *nothing_seen()), keyframe, None)
     return motion, motion.predictions(3 * interval, None)
 
 
