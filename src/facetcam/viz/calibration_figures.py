@@ -149,15 +149,16 @@ def panels_of(shown: Mapping[str, Array]) -> tuple[Figure, dict[str, Axes]]:
     """One panel a name, y downward as on the sensor, each as wide as the points (N, 2) it shows ask for."""
     from matplotlib.figure import Figure
 
-    rows = [list(shown.items())[k : k + _COLUMNS] for k in range(0, len(shown), _COLUMNS)]
+    columns = math.ceil(len(shown) / max(math.ceil(len(shown) / _COLUMNS), 1))
+    rows = [list(shown.items())[k : k + columns] for k in range(0, len(shown), max(columns, 1))]
     aspects = [[_aspect(points) for _, points in row] for row in rows]
-    heights = [min(_WIDTH / sum(row), _HEIGHT) + 0.45 for row in aspects]
-    figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained", facecolor="none")
+    height = min([_WIDTH / sum(row) for row in aspects] + [_HEIGHT])  # a last row of few is no higher
+    figure = Figure(figsize=(_WIDTH, len(rows) * (height + 0.45)), layout="constrained", facecolor="none")
     panels = {}
-    grid = figure.add_gridspec(len(rows), 1, height_ratios=heights)
-    for number, (row, ratios, height) in enumerate(zip(rows, aspects, heights)):
+    grid = figure.add_gridspec(len(rows), 1)
+    for number, (row, ratios) in enumerate(zip(rows, aspects)):
         # What narrow views leave of the row stays empty at its end.
-        rest = max(_WIDTH / (height - 0.45) - sum(ratios), 1e-3)
+        rest = max(_WIDTH / height - sum(ratios), 1e-3)
         cells = grid[number].subgridspec(1, len(row) + 1, width_ratios=[*ratios, rest])
         for column, (name, points) in enumerate(row):
             axes = figure.add_subplot(cells[column], facecolor="none", aspect="equal", anchor="W")
