@@ -33,7 +33,10 @@ def load_config(cls: type[T], path: Path | str | None) -> T:
     if path is None:
         return cls()
     values = read_yaml(Path(path))
-    return from_mapping(cls, {} if values is None else values, str(path))
+    try:
+        return from_mapping(cls, {} if values is None else values, str(path))
+    except ConfigError as error:  # a class that checks its own values knows of no file
+        raise ConfigError(str(error) if str(error).startswith(str(path)) else f"{path}: {error}") from None
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -103,6 +106,15 @@ def from_mapping(cls: type[T], values: object, where: str) -> T:
     if missing:
         raise ConfigError(f"{where}: missing key {missing[0]!r}")
     return cls(**known)
+
+
+def require_ranges(where: str, settings: object, **ranges: tuple[float, float]) -> None:
+    """Raise ConfigError unless each named number, or all of a tuple, lies within its ends; None may."""
+    for name, (low, high) in ranges.items():
+        found = getattr(settings, name)
+        for value in found if isinstance(found, tuple) else (found,):
+            if value is not None and not low <= value <= high:
+                raise ConfigError(f"{where}: {name} is {value:g}; it must be between {low:g} and {high:g}")
 
 
 def nearest(word: str, choices: typing.Iterable[str]) -> str:

@@ -202,6 +202,10 @@ def test_waypoints_make_a_film_too(studio: Path, facetcam: Facetcam) -> None:
         (["--settings", "typo.yaml"], "did you mean 'samples'"),
         (["--rig", "absent.yaml"], "absent.yaml"),
         (["--scale", "0.001"], "is no room"),
+        (["--scale", "1e9"], "is no room"),
+        (["--settings", "wide.yaml"], "camera: aperture is 100; it must be between 0 and 0.1"),
+        (["--settings", "dark.yaml"], "lamp: power is -1; it must be between"),
+        (["--trajectory", "gap.tum"], "gap.tum: 1e+09 s make"),
         (["--resume"], "no simulation to resume"),
     ],
 )
@@ -210,6 +214,9 @@ def test_bad_input_is_refused_in_one_line(
 ) -> None:
     monkeypatch.chdir(studio)
     (studio / "typo.yaml").write_text("camera: {smaples: 3}\n")
+    (studio / "wide.yaml").write_text("camera: {aperture: 100}\n")
+    (studio / "dark.yaml").write_text("light: {lamps: [{position: [0, 0, 1], power: -1}]}\n")
+    (studio / "gap.tum").write_text("".join(f"{t} 0 0 0 0 0 0 1\n" for t in (0, 0.1, 0.2, 1e9)))
     result = facetcam(*arguments(studio), *change)
     assert result.exit_code == 1
     assert says in result.stderr

@@ -217,6 +217,7 @@ def test_odd_paths_are_said_and_still_filmed(studio: Path, facetcam: Facetcam) -
         ("words.glb", b"a room, in words alone\n", "words.glb: not a glTF binary; export the scene as .glb"),
         ("cut.glb", b"glTF\2\0\0\0\0\1\0\0", "cut.glb: cut short, 12 of 256 bytes"),
         ("words.gltf", b"a room", "words.gltf: not a glTF text file"),
+        ("lost.gltf", b'{"buffers": [{"uri": "lost.bin"}]}', "lost.gltf: lost.bin is missing"),
         ("empty.obj", b"", "empty.obj: empty file"),
     ],
 )

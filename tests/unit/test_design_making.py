@@ -158,7 +158,7 @@ def test_what_cannot_be_made_is_said() -> None:
         holder(rig, PAPER.family, PAPER.body, Making(thickness_mm=40.0))
     with pytest.raises(ConfigError, match="no bounded mirror"):
         templates(replace(rig, mirrors={}, views={"v": rig.views["front"].__class__()}), Making())
-    with pytest.raises(ConfigError, match="zero or more"):
+    with pytest.raises(ConfigError, match="kerf_mm is -1; it must be between 0 and 10"):
         Making(kerf_mm=-1.0)
 
 

@@ -39,7 +39,7 @@ def simulate(
     height: Annotated[float, typer.Option(help="Metres of the rig above z = 0 in --drive.")] = 0.9,
     boards: Annotated[
         int,
-        typer.Option(min=0, help="So many calibration photos at the start of the path, instead of a film."),
+        typer.Option(min=0, max=10_000, help="So many calibration photos at the path's start, not a film."),
     ] = 0,
     depth: Annotated[
         bool, typer.Option("--depth", help="Also depth/000000.png, 16 bit, millimetres.")
@@ -49,7 +49,7 @@ def simulate(
         float | None, typer.Option(help="Metres a unit of the scene (default: 1, or 0.001 if it is huge).")
     ] = None,
     up: Annotated[Axis, typer.Option(help="Axis of the scene that points up.")] = Axis.z,
-    seed: Annotated[int, typer.Option(help="Of noise, build errors, wheels and flicker.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of noise, build errors, wheels and flicker.")] = 0,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on in --out where a run was cut short.")
     ] = False,

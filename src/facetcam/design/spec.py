@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from facetcam.config import from_mapping, read_yaml
+from facetcam.config import from_mapping, read_yaml, require_ranges
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.rig import presets
 
@@ -73,8 +73,7 @@ class Optics:
     pixel_um: float = 2.8
 
     def __post_init__(self) -> None:
-        if min(self.f_number, self.focus, self.pixel_um) <= 0:
-            raise ConfigError("optics: f_number, focus and pixel_um must be above zero")
+        require_ranges("optics", self, f_number=(0.1, 1e4), focus=(1e-3, 1e6), pixel_um=(0.1, 1e3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +85,7 @@ class Body:
     depth: float = 0.02
 
     def __post_init__(self) -> None:
-        if min(self.width, self.height, self.depth) <= 0:
-            raise ConfigError("body: width, height and depth must be above zero")
+        require_ranges("body", self, width=(1e-4, 10.0), height=(1e-4, 10.0), depth=(1e-4, 10.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,14 +103,21 @@ class Tolerance:
     depths: tuple[float, ...] = (0.5, 1.0, 3.0)  # metres of the points behind the last mirror
 
     def __post_init__(self) -> None:
-        sizes = (self.tilt_arcmin, self.offset_mm, self.cut_mm, self.bow_um)
-        if (
-            not 2 <= self.builds <= 100_000
-            or min(*sizes, self.camera_mm, self.camera_arcmin, self.noise_px) < 0
-        ):
-            raise ConfigError("tolerance: 2 to 100000 builds, and no error below zero")
-        if not self.depths or min(self.depths) <= 0:
-            raise ConfigError("tolerance: depths take one or more distances above zero")
+        require_ranges(
+            "tolerance",
+            self,
+            builds=(2, 100_000),
+            tilt_arcmin=(0.0, 600.0),
+            offset_mm=(0.0, 100.0),
+            cut_mm=(0.0, 100.0),
+            bow_um=(0.0, 1e4),
+            camera_mm=(0.0, 100.0),
+            camera_arcmin=(0.0, 600.0),
+            noise_px=(0.0, 100.0),
+            depths=(0.01, 1e6),
+        )
+        if not self.depths:
+            raise ConfigError("tolerance: depths take one or more distances in metres")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,8 +128,7 @@ class Making:
     kerf_mm: float = 0.2
 
     def __post_init__(self) -> None:
-        if min(self.thickness_mm, self.kerf_mm) < 0:
-            raise ConfigError("making: thickness_mm and kerf_mm must be zero or more")
+        require_ranges("making", self, thickness_mm=(0.0, 50.0), kerf_mm=(0.0, 10.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,10 +172,8 @@ class Search:
     population: int = 12  # candidates a free parameter
 
     def __post_init__(self) -> None:
-        if min(self.envelope) <= 0 or min(self.generations, self.population) < 1:
-            raise ConfigError("search: envelope above zero; one generation, one candidate or more")
-        if not 0 < self.band_degrees <= 90:
-            raise ConfigError("search: band_degrees must be above 0 and at most 90")
+        counts = {"generations": (1, 10_000), "population": (1, 1_000)}
+        require_ranges("search", self, **counts, envelope=(1e-3, 100.0), band_degrees=(0.1, 90.0))
 
 
 @dataclass(frozen=True, slots=True)

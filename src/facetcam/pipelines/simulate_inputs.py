@@ -18,7 +18,7 @@ from facetcam.io.tables import rows_of_table
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
 from facetcam.simulation.build import built
-from facetcam.simulation.drive import Drive, through
+from facetcam.simulation.drive import MOST_FRAMES, Drive, through
 from facetcam.simulation.meshes import Mesh
 from facetcam.simulation.scene_files import read_scene
 from facetcam.simulation.settings import LampSettings, SimulationConfig
@@ -185,5 +185,10 @@ def _frames(path: Drive, options: Options) -> tuple[Drive, int]:
     fps = options.fps or max(1, min(round(1.0 / step), 1000))
     count = int(np.floor(path.times[-1] * fps + 1e-6)) + 1
     count = min(count, options.max_frames or count)
+    if count > MOST_FRAMES:
+        raise FacetcamError(
+            f"{options.trajectory or options.drive}: {path.times[-1]:g} s make {count} frames"
+            f" at {fps} a second; give a shorter path, --fps or --max-frames for {MOST_FRAMES} at most"
+        )
     times = np.arange(count) / fps
     return Drive(times, np.array([pose_between(path, float(time)) for time in times])), fps

@@ -43,8 +43,13 @@ def fault(path: Path) -> str | None:
     size = path.stat().st_size
     if not size:
         return "empty file; export the scene again"
-    if path.suffix.lower() == ".gltf" and not header(path):
-        return "not a glTF text file (JSON); export the scene as .glb"
+    if path.suffix.lower() == ".gltf":
+        content = header(path)
+        if not content:
+            return "not a glTF text file (JSON); export the scene as .glb"
+        absent = _absent(content.get("buffers", []), path.parent)
+        if absent:
+            return f"{absent[0]} is missing; put it beside the scene, or export the scene as .glb"
     if path.suffix.lower() == ".glb":
         with path.open("rb") as file:
             magic, length = struct.unpack("<4s4xI", file.read(12).ljust(12, b"\0"))
@@ -69,12 +74,17 @@ def left_out(content: dict[str, Any]) -> list[str]:
 
 def absent_pictures(content: dict[str, Any], folder: Path) -> list[str]:
     """Say which picture files are named and not there."""
-    names = [str(image.get("uri", "")) for image in content.get("images", [])]
-    absent = [n for n in names if n and not n.startswith("data:") and not (folder / unquote(n)).is_file()]
+    absent = _absent(content.get("images", []), folder)
     if not absent:
         return []
     more = f" and {len(absent) - 1} more" if len(absent) > 1 else ""
     return [f"texture {absent[0]}{more} is missing; shown in a flat colour"]
+
+
+def _absent(entries: list[dict[str, Any]], folder: Path) -> list[str]:
+    """Files that entries of glTF name and that are not there."""
+    names = [str(entry.get("uri", "")) for entry in entries]
+    return [n for n in names if n and not n.startswith("data:") and not (folder / unquote(n)).is_file()]
 
 
 def lamps(content: dict[str, Any], graph: Any) -> tuple[list[LampSettings], list[str]]:

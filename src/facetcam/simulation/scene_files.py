@@ -17,7 +17,7 @@ from facetcam.simulation.scene_materials import material_of, tints_of
 from facetcam.simulation.settings import LampSettings
 
 MILLIMETRES = 500.0  # a scene longer than so many metres is taken for one in millimetres
-SMALLEST = 0.05  # metres; below, a scene is no room
+SMALLEST, LARGEST = 0.05, 1e5  # metres; beyond, a scene is no room
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ def _metres_a_unit(path: Path, mesh: Mesh, scale: float | None) -> tuple[float, 
     low, high = mesh.bounds
     length = float(np.max(high - low))
     factor = scale if scale is not None else (1e-3 if length > MILLIMETRES else 1.0)
-    if not 0.0 < factor < np.inf or length * factor < SMALLEST:
+    if not 0.0 < factor < np.inf or not SMALLEST <= length * factor <= LARGEST:
         raise SourceError(f"{path}: {length * factor:g} m long is no room; give --scale, metres a unit")
     if scale is not None or factor == 1.0:
         return factor, []

@@ -7,11 +7,13 @@ from typing import Literal
 
 import numpy as np
 
+from facetcam.config import require_ranges
 from facetcam.errors import ConfigError
 from facetcam.simulation.scene import Lamp
 
 Colour = tuple[float, float, float]
 FLICKER = 12.0  # changes of level a second
+LATEST = 1e6  # seconds, the end of any film
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,14 +62,22 @@ class CameraSettings:
     body: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 1 <= self.samples <= 256:
-            raise ConfigError(f"camera: samples {self.samples} must be 1 to 256 a pixel")
-        for name in ("blur", "aperture", "exposure_time", "readout", "vignetting", "read_noise", "body"):
-            if getattr(self, name) < 0.0:
-                raise ConfigError(f"camera: {name} {getattr(self, name):g} must not be negative")
-        for name in ("focus", "lag", "full_well", "exposure"):
-            if getattr(self, name) is not None and getattr(self, name) <= 0.0:
-                raise ConfigError(f"camera: {name} {getattr(self, name):g} must be above zero")
+        require_ranges(
+            "camera",
+            self,
+            samples=(1, 256),
+            blur=(0.0, 50.0),
+            aperture=(0.0, 0.1),
+            focus=(1e-3, 1e6),
+            exposure_time=(0.0, 10.0),
+            readout=(0.0, 10.0),
+            vignetting=(0.0, 1.0),
+            exposure=(1e-6, 1e6),
+            lag=(1e-3, 1e3),
+            full_well=(10.0, 1e7),
+            read_noise=(0.0, 1e4),
+            body=(0.0, 1.0),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,8 +92,7 @@ class Switch:
     def __post_init__(self) -> None:
         if isinstance(self.do, bool):
             object.__setattr__(self, "do", "on" if self.do else "off")
-        if self.over < 0.0 or (self.level is not None and self.level < 0.0):
-            raise ConfigError(f"lamp: level and over at {self.at:g} s must not be negative")
+        require_ranges("lamp: schedule", self, at=(-1e3, LATEST), level=(0.0, 1e3), over=(0.0, LATEST))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +113,7 @@ class LampSettings:
             if length == 0.0:
                 raise ConfigError("lamp: facing must not be zero")
             facing = (facing[0] / length, facing[1] / length, facing[2] / length)
-        if self.power < 0.0 or min(self.colour) < 0.0:
-            raise ConfigError("lamp: power and colour must not be negative")
+        require_ranges("lamp", self, power=(0.0, 1e6), colour=(0.0, 1e3), position=(-1e6, 1e6))
         return Lamp(self.position, self.power, self.colour, facing, _levels(self.schedule, seed, until))
 
 
@@ -119,6 +127,9 @@ class LightSettings:
     lamps: tuple[LampSettings, ...] | None = None
     ambient: Colour = (0.25, 0.25, 0.25)
     sky: Colour = (0.35, 0.4, 0.5)
+
+    def __post_init__(self) -> None:
+        require_ranges("light", self, ambient=(0.0, 1e6), sky=(0.0, 1e6))
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +152,13 @@ class BuildSettings:
     camera_mm: float = 0.0
     focal_percent: float = 0.0
     centre_pixels: float = 0.0
+
+    def __post_init__(self) -> None:
+        angles = {"tilt_degrees": (0.0, 45.0), "camera_degrees": (0.0, 45.0)}
+        lengths = {"shift_mm": (0.0, 1e3), "camera_mm": (0.0, 1e3)}
+        require_ranges(
+            "build", self, **angles, **lengths, focal_percent=(0.0, 30.0), centre_pixels=(0.0, 1e4)
+        )
 
 
 @dataclass(frozen=True, slots=True)
