@@ -227,6 +227,7 @@ class Slam:
         """A map that fails this early was wrong: forget it with its poses."""
         self._mapping.wait()
         self._grower.start_again()
+        self._parts.resumer.forget()
         self._motion.forget()
 
     def _start(self, frame: Frame, odometry: Array | None) -> State:
