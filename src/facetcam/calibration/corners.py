@@ -6,12 +6,15 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from facetcam.calibration.saddle_fit import fit_saddles
+
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 WINDOW = 0.14  # half side of the window, in squares: a larger one meets the markers beside the corner
 LEAST_WINDOW = 2  # pixels
 MOST_WINDOW = 20
+_RADIUS, _STRIP = 1.4, 0.65  # windows: of the circle that is fitted, and beside its edges
 _RINGS = (0.6, 0.9)  # radii in windows at which a corner must look like one
 _SAMPLES = 32  # round a ring
 _SYMMETRY = 0.35  # largest mean difference of opposite samples, in contrasts
@@ -52,7 +55,11 @@ def refine(
     for half in np.unique(window[inside]):
         rows = inside & (window == half)
         corners = np.ascontiguousarray(start[rows], dtype=np.float32).reshape(-1, 1, 2)
-        pixels[rows] = cv2.cornerSubPix(image, corners, (int(half),) * 2, (-1, -1), _SETTLED)[:, 0]
+        rough = cv2.cornerSubPix(image, corners, (int(half),) * 2, (-1, -1), _SETTLED)[:, 0].astype(
+            np.float64
+        )
+        fine = fit_saddles(image, rough, _RADIUS * half, max(_STRIP * half, LEAST_WINDOW))
+        pixels[rows] = np.where(np.isnan(fine), rough, fine)
     moved = np.linalg.norm(pixels - start, axis=1)
     accepted = inside & (moved <= 1.5 * window)
     accepted[accepted] = looks_like_corner(image, pixels[accepted], window[accepted], contrast)

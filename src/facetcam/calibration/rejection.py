@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 
 _SIGMAS = 4.0
 _RAYLEIGH = 1.1774  # median length of a vector of two unit normal coordinates
-_LEAST_NOISE = 0.01  # pixels
+_LEAST_NOISE = 0.002  # pixels
 _USUAL = 10.0
 _WORST = 5.0  # spread of a sighting that is still believed
 _STRANGE = 5.0  # pixels by which a sighting may be off before corners are rejected

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from facetcam.calibration.corners import looks_like_corner
+from facetcam.calibration.saddle_fit import edge_directions
 
 Array = NDArray[np.float64]
 
@@ -18,7 +19,6 @@ _LEVELS = 3  # each half as large as the one before: large squares out of focus 
 _SEPARATE = 5  # pixels within which the strongest corner stands alone
 _RADIUS = 5.0  # pixels of a level: where the edges are looked for
 _CONTRAST = 14.0  # least difference of bright and dark, grey levels
-_SAMPLES = 72  # round a ring
 _MOST = 6000  # corners of a level; more is texture
 
 
@@ -77,27 +77,7 @@ def _of_level(grey: NDArray[np.uint8]) -> tuple[Array, Array, Array]:
     near = np.linalg.norm(refined - pixels, axis=1) < 3.0
     pixels = refined[near]
     good = looks_like_corner(grey, pixels, _RADIUS, _CONTRAST)
-    return pixels[good], *_edges(grey, pixels[good])
-
-
-def _edges(grey: NDArray[np.uint8], pixels: Array) -> tuple[Array, Array]:
-    """Directions (N,), (N,) of the rising and the falling edge, from second harmonics of two rings."""
-    angle = 2 * np.pi * np.arange(_SAMPLES) / _SAMPLES
-    total = np.zeros((len(pixels), _SAMPLES))
-    for radius in (0.7 * _RADIUS, _RADIUS):
-        at = (pixels[:, None] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(np.float32)
-        total += cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR)
-    half = _SAMPLES // 2
-    folded = total[:, :half] + total[:, half:]  # opposite quarters are alike
-    bright = folded > 0.5 * (folded.max(axis=1) + folded.min(axis=1))[:, None]
-    # The middle of the bright quarter, and its width, from where it is bright.
-    doubled = np.exp(2j * angle[:half])
-    middle = 0.5 * np.angle((bright * doubled).sum(axis=1))
-    level = 0.5 * (folded.max(axis=1) + folded.min(axis=1))
-    span = np.maximum(folded.max(axis=1) - folded.min(axis=1), 1e-9)
-    share = np.clip((folded - level[:, None]) / (0.5 * span[:, None]), -1, 1)
-    width = 0.25 * np.pi * (1.0 + share.mean(axis=1))  # half of the bright quarter
-    return (middle - width) % np.pi, (middle + width) % np.pi
+    return pixels[good], *edge_directions(grey, pixels[good], _RADIUS)
 
 
 def _apart(points: Array, others: Array, distance: float) -> NDArray[np.bool_]:
