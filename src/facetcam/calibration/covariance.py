@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from facetcam.calibration import lens
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.least_squares import normal_equations, restricted
+from facetcam.calibration.likeness import scores_of
 from facetcam.calibration.optics import MirrorOptics
 from facetcam.calibration.result import Parameters
 from facetcam.rig import Rig
@@ -37,15 +38,21 @@ class Knowledge:
         Of the drawing.
     information : (F, F) array
         Of the photos alone, per tolerance squared: 1 is a photo set as good as the drawing.
+    scores : (F, F) array
+        Covariance of what the photos pull, same units: the information, if all corners err independently.
     noise : float
         Pixels that a corner coordinate was taken to be good to.
+    factor : float
+        By how much the variances exceed those of independent corners on average.
     """
 
     names: tuple[str, ...]
     free: Index
     tolerance: Array
     information: Array
+    scores: Array
     noise: float
+    factor: float = 1.0
 
     @cached_property
     def _eigen(self) -> tuple[Array, Array]:
@@ -69,7 +76,8 @@ class Knowledge:
     def covariance(self) -> Array:
         """Of the free numbers (F, F), SI units; open directions have the drawing's tolerance."""
         values, vectors = self._eigen
-        scaled = (vectors / (values + 1.0)) @ vectors.T
+        inverse = (vectors / (values + 1.0)) @ vectors.T
+        scaled = inverse @ (self.scores + np.eye(len(inverse))) @ inverse
         return self.tolerance[:, None] * (0.5 * (scaled + scaled.T)) * self.tolerance
 
     @property
@@ -79,35 +87,51 @@ class Knowledge:
         return np.where(sigma < OPEN * self.tolerance, sigma, np.nan)
 
 
-def knowledge(fit: Fit, noise: float) -> Knowledge:
-    """What the corners kept say, each coordinate good to `noise` pixels."""
-    reduced = _information(fit, noise)
+def knowledge(fit: Fit, noise: float, settled: bool = True) -> Knowledge:
+    """What the corners kept say, each coordinate good to `noise` pixels.
+
+    Parameters
+    ----------
+    settled : bool
+        Whether the fit is solved, so that its residuals tell what the corners of a photo have in common.
+    """
+    whole = _information(fit, noise)
+    pulled, factor = scores_of(fit, noise, whole + _drawn(fit)) if settled else (whole, 1.0)
     rig = int(np.count_nonzero(fit.free[: fit.state.first_board]))
-    A, B, C = reduced[:rig, :rig], reduced[:rig, rig:], reduced[rig:, rig:]
-    if len(C):
-        # A board hardly seen has next to no information; it must not divide by zero.
-        C = C + 1e-9 * np.diag(np.diag(C)) + 1e-6 * np.eye(len(C))
-        A = A - B @ np.linalg.solve(C, B.T)
+    B, C = whole[:rig, rig:], whole[rig:, rig:]
+    # A board hardly seen has next to no information; it must not divide by zero.
+    C = C + 1e-9 * np.diag(np.diag(C)) + 1e-6 * np.eye(len(C))
+    boards_out = np.hstack([np.eye(rig), -np.linalg.solve(C, B.T).T])
     free = np.flatnonzero(fit.free[: fit.state.first_board])
     tolerance = np.concatenate([fit.prior.tolerance, fit.state.optics.tolerance])[free]
     # What is stated of glass is a measurement, not a tolerance: it is known that well without any photo.
     measured = free >= len(fit.state.intrinsics) + 3 * len(_mirrors(fit).planes)
     tolerance[measured] *= _LOOSE
-    information = tolerance[:, None] * (0.5 * (A + A.T)) * tolerance + np.diag(_LOOSE**2 * measured)
-    return Knowledge(names_of(fit), free, tolerance, information, noise)
+    stated = np.diag(_LOOSE**2 * measured)
+    information, scores = (
+        tolerance[:, None] * (0.5 * (A + A.T)) * tolerance + stated
+        for A in (boards_out @ whole[:, :rig], boards_out @ pulled @ boards_out.T)
+    )
+    return Knowledge(names_of(fit), free, tolerance, information, scores, noise, factor)
 
 
 def shared_covariance(fit: Fit, noise: float) -> Array:
     """Covariance of all shared parameters, boards too, by photos and drawing; held ones zero."""
+    drawn = _drawn(fit)
+    information = _information(fit, noise) + drawn
+    scale = 1.0 / np.sqrt(np.diag(information))
+    inverse = np.outer(scale, scale) * np.linalg.inv(scale[:, None] * information * scale)
+    scores, _ = scores_of(fit, noise, information)
+    covariance = np.zeros((fit.state.shared, fit.state.shared))
+    covariance[np.ix_(fit.free, fit.free)] = inverse @ (scores + drawn) @ inverse
+    return covariance
+
+
+def _drawn(fit: Fit) -> Array:
+    """What the drawing says of the free shared parameters."""
     slope = replace(fit.prior, noise=1.0).rows(fit.state)[1][fit.free]
     # A board that no photo ties to the others is open; it must not divide by zero.
-    information = _information(fit, noise) + np.diag(slope**2 + 1e-6)
-    scale = 1.0 / np.sqrt(np.diag(information))
-    covariance = np.zeros((fit.state.shared, fit.state.shared))
-    covariance[np.ix_(fit.free, fit.free)] = np.outer(scale, scale) * np.linalg.inv(
-        scale[:, None] * information * scale
-    )
-    return covariance
+    return np.diag(slope**2 + 1e-6)
 
 
 def _information(fit: Fit, noise: float) -> Array:

@@ -42,7 +42,7 @@ def preflight(
     fit = started(rig, boards, sightings, tolerance or Tolerance())
     for loss in (100.0, 10.0):
         fit = fit.solved(loss, 20, fit.lens_held).solved(loss, 20)
-    known = knowledge(fit, max(_NOISE, min(noise_of(fit), 1.0)))
+    known = knowledge(fit, max(_NOISE, min(noise_of(fit), 1.0)), settled=False)
     found = unknowns(fit, known, boards)
     counts = {v: sum(s.view == v for s in fit.sightings) for v in rig.views}
     advice = [u.advice for u in found if u.advice] + _weak_coverage(fit)

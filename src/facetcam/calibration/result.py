@@ -142,6 +142,8 @@ class Calibration:
     parameters : Parameters
     noise : float
         Standard deviation of a corner coordinate in a usual sighting, in pixels, as the residuals show it.
+    alike : float
+        Sigmas against those of corners that err independently: above 1 where corners of a photo err alike.
     unobservable : tuple of Unknown
     findings : tuple of Finding
     seconds : float
@@ -159,6 +161,7 @@ class Calibration:
     sightings: tuple[FittedSighting, ...]
     parameters: Parameters
     noise: float
+    alike: float = 1.0
     unobservable: tuple[Unknown, ...] = ()
     findings: tuple[Finding, ...] = ()
     seconds: float = 0.0

@@ -152,6 +152,7 @@ def _calibration(
         sightings=fitted,
         parameters=parameters,
         noise=noise,
+        alike=float(np.sqrt(known.factor)),
         unobservable=unknowns(fit, known, boards),
         findings=findings,
         seconds=time.perf_counter() - began,

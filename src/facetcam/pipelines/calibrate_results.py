@@ -36,6 +36,7 @@ class CalibrationSummary:
     rms: float
     rms_uncut: float
     noise: float
+    alike: float
     held_out_rms: float | None
     cross_view_rms: float | None
     cross_view_expected: float | None
@@ -118,6 +119,7 @@ def summarise(
         rms=calibration.rms(),
         rms_uncut=calibration.rms(kept_only=False),
         noise=calibration.noise,
+        alike=calibration.alike,
         held_out_rms=judged[0],
         cross_view_rms=judged[1],
         cross_view_expected=judged[2],
@@ -183,6 +185,7 @@ def facts_of(calibration: Calibration, summary: CalibrationSummary) -> dict[str,
         "RMS of corners kept": f"{summary.rms:.3f} px",
         "RMS of all corners": f"{summary.rms_uncut:.3f} px",
         "noise of a corner": f"{calibration.noise:.3f} px a coordinate",
+        "sigmas": f"{calibration.alike:.2f} times those of corners that err independently",
         "boards": ", ".join(board.name for board in calibration.boards.boards)
         + (", fixed to each other" if calibration.boards.fixed else ""),
         "time of the solve": f"{calibration.seconds:.1f} s",
