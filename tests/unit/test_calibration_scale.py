@@ -23,10 +23,12 @@ def found(factor: float, tilt_deg: float, shift: float) -> list[Finding]:
     )
     drawing = disturbed(RIG, tilt_deg, shift, 0.01, 3)
     solved = solve(drawing, told, sightings_of(RIG, SET, 12, 0.1))
-    return list(wrong_scale(solved.fit, told))
+    return [*solved.findings, *wrong_scale(solved.fit, told)]
 
 
-@pytest.mark.parametrize(("factor", "within"), [(1.06, 0.01), (0.94, 0.01), (2.0, 0.1)])
+@pytest.mark.parametrize(
+    ("factor", "within"), [(1.06, 0.01), (0.94, 0.01), (2.0, 0.1), (10.0, 0.01), (0.1, 0.02)]
+)
 def test_squares_of_a_wrong_size_are_named(factor: float, within: float) -> None:
     (finding,) = found(factor, 0.1, 0.0002)
     said = float(finding.words.split("; ")[1].split(" mm")[0].removeprefix("about "))

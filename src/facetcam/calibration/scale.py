@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.fit import Fit
@@ -33,6 +34,27 @@ def wrong_scale(fit: Fit, boards: BoardSet) -> tuple[Finding, ...]:
     tuple of Finding
         One at most; none where fewer than three distances were measured.
     """
+    ratios = _ratios(fit)
+    scale = float(np.median(ratios)) if len(ratios) else 1.0
+    scatter = 1.4826 * float(np.median(np.abs(ratios - scale))) if len(ratios) else 0.0
+    if abs(scale - 1.0) < max(_LEAST, _ALIKE * scatter):
+        return ()
+    size = 1e3 * boards.boards[0].square
+    what = f"the views stand {scale:.3f} times as far apart as drawn, all alike"
+    near = 1 / _NEAR < scale < _NEAR
+    fits = (f"{size / scale:.1f}" if near else f"about {size / scale:.2g}") + " mm would fit the drawing"
+    advice = f"measure the boards' squares (said to be {size:.1f} mm; {fits}) and the drawing's sizes"
+    return (Finding("scale", f"{what}: {advice}"),)
+
+
+def out_of_scale(fit: Fit) -> bool:
+    """Tell whether all views stand much farther apart than drawn, or much nearer."""
+    ratios = _ratios(fit)
+    return bool(len(ratios) and (ratios.min() > _NEAR or ratios.max() < 1 / _NEAR))
+
+
+def _ratios(fit: Fit) -> NDArray[np.float64]:
+    """Of the distances (D,) between views as built and as drawn; none where they are few or too unequal."""
     views = [view for view in fit.nominal.views if any(s.view == view for s in fit.sightings)]
     drawn, built = (
         np.array(
@@ -44,15 +66,5 @@ def wrong_scale(fit: Fit, boards: BoardSet) -> tuple[Finding, ...]:
         for rig in (fit.nominal, fit.rig)
     )
     if len(drawn) < _FEWEST or drawn.min() < 0.1 * drawn.max():
-        return ()
-    ratios = built / drawn
-    scale = float(np.median(ratios))
-    scatter = 1.4826 * float(np.median(np.abs(ratios - scale)))
-    if abs(scale - 1.0) < max(_LEAST, _ALIKE * scatter):
-        return ()
-    size = 1e3 * boards.boards[0].square
-    what = f"the views stand {scale:.3f} times as far apart as drawn, all alike"
-    near = 1 / _NEAR < scale < _NEAR
-    fits = (f"{size / scale:.1f}" if near else f"about {size / scale:.2g}") + " mm would fit the drawing"
-    advice = f"measure the boards' squares (said to be {size:.1f} mm; {fits}) and the drawing's sizes"
-    return (Finding("scale", f"{what}: {advice}"),)
+        return np.empty(0)
+    return np.asarray(built / drawn)

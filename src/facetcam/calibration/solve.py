@@ -21,6 +21,7 @@ from facetcam.calibration.observability import unknowns
 from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed, spread_of
 from facetcam.calibration.rereading import reread
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
+from facetcam.calibration.scale import out_of_scale
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.start import poses_apart, usable
 from facetcam.errors import FacetcamError
@@ -32,6 +33,7 @@ Progress = Callable[[int, int | None], None]
 
 _LOSSES = (100.0, 10.0, 2.0)  # pixels, coarse to fine
 _STEPS = 6
+_UNKNOWN = 100.0  # times its tolerance a length is not known at all
 
 
 def solve(
@@ -69,8 +71,10 @@ def solve(
     tolerance = tolerance or Tolerance()
     fit = started(rig, boards, sightings, tolerance)
     done()
-    for loss in _LOSSES[:2]:
-        fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
+    fit = _coarse(fit)
+    if out_of_scale(fit):  # squares of a wrong size: what the drawing says of lengths would bend the rig
+        tolerance = replace(tolerance, shift=_UNKNOWN * tolerance.shift)
+        fit = _coarse(started(rig, boards, sightings, tolerance))
     fit = reread(fit, boards, sightings)
     done()
     fit, intruders = without_intruders(fit, boards)
@@ -106,6 +110,12 @@ def started(rig: Rig, boards: BoardSet, sightings: Sequence[Sighting], tolerance
             " check that the rig file belongs to these photos"
         )
     return begin(rig, camera, boards, views, assignment, tolerance)
+
+
+def _coarse(fit: Fit) -> Fit:
+    for loss in _LOSSES[:2]:
+        fit = fit.solved(loss, 40, fit.lens_held).solved(loss, 40)
+    return fit
 
 
 def settled(fit: Fit) -> Fit:
