@@ -14,6 +14,7 @@ from facetcam.calibration.assignment import assign
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.covariance import knowledge, parameters_of, rig_covariance, with_sigmas
 from facetcam.calibration.creep import crept
+from facetcam.calibration.evidence import corner_noise, is_mended, middle_error
 from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import without_intruders
@@ -72,9 +73,10 @@ def solve(
     fit = started(rig, boards, sightings, tolerance)
     done()
     fit = _coarse(fit)
-    if out_of_scale(fit):  # squares of a wrong size: what the drawing says of lengths would bend the rig
-        tolerance = replace(tolerance, shift=_UNKNOWN * tolerance.shift)
-        fit = _coarse(started(rig, boards, sightings, tolerance))
+    if out_of_scale(fit):  # squares of a wrong size? What the drawing says of lengths would bend the rig.
+        lengths_unknown = replace(tolerance, shift=_UNKNOWN * tolerance.shift)
+        other = _coarse(started(rig, boards, sightings, lengths_unknown))
+        fit = other if is_mended(middle_error(fit), middle_error(other), corner_noise(other)) else fit
     fit = reread(fit, boards, sightings)
     done()
     fit, intruders = without_intruders(fit, boards)
