@@ -6,6 +6,7 @@ import io
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import ezdxf
@@ -22,6 +23,7 @@ from facetcam.design.templates import parts_table, reflecting_side, templates, t
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.rig import Mirror, Rig, presets
 
+EXAMPLES = Path(__file__).parents[2] / "examples" / "designs"
 PAPER = read_spec("preset:ryu")
 PYRAMID = DesignSpec(family=Family(False, 5, 0.06, 40.0, 0.12, None), body=Body(0.02, 0.02, 0.015))
 TRUNCATED = DesignSpec(family=Family(False, 6, 0.06, 45.0, 0.15, 0.03), body=Body(0.02, 0.02, 0.015))
@@ -38,6 +40,7 @@ def test_a_dxf_read_back_is_the_mirror_in_millimetres() -> None:
     for template in templates(rig, Making(kerf_mm=0.3)):
         document = ezdxf.read(io.StringIO(to_dxf(template, "a rig")))
         assert document.header["$INSUNITS"] == 4
+        assert not document.audit().has_issues
         lines = {
             line.dxf.layer: np.array(line.get_points("xy"))
             for line in document.modelspace().query("LWPOLYLINE")
@@ -78,6 +81,27 @@ def test_a_lopsided_mirror_is_drawn_from_the_side_that_reflects() -> None:
     seen = np.round([300, 400, math.hypot(300, 300), 100])  # top, left, slope, right: counter-clockwise
     start = int(np.argmax(order == seen[0]))
     assert np.roll(order, -start).tolist() == seen.tolist()
+
+
+@pytest.mark.parametrize("name", ["paper", "five-face-pyramid", "stereo-adapter", "two-mirror-table"])
+def test_every_svg_holds_its_mirror_point_by_point(name: str) -> None:
+    rig = make_rig(read_spec(EXAMPLES / f"{name}.yaml"))
+    found = templates(rig, Making(kerf_mm=0.2))
+    assert {template.name for template in found} == set(rig.mirrors)
+    for template in found:
+        tree = ElementTree.fromstring(to_svg(template, name))
+        cut, outline = (
+            np.array([pair.split(",") for pair in re.findall(r"[-\d.]+,[-\d.]+", path.get("d", ""))], float)
+            for path in tree.findall("{*}path")
+        )
+        size = [float(tree.get(side, "")[:-2]) for side in ("width", "height")]
+        assert size == [float(n) for n in tree.get("viewBox", "").split()[2:]]  # one unit is a millimetre
+        assert (cut >= 0).all() and (cut <= size).all()
+        polygon = 1000 * rig.mirrors[template.name].polygon
+        # All distances between corners, in one order or the other, are the drawing's.
+        drawn = np.linalg.norm(polygon[:, None] - polygon, axis=2)
+        flat = np.linalg.norm(outline[:, None] - outline, axis=2)
+        assert any(np.allclose(flat, way, atol=1e-3) for way in (drawn, drawn[::-1, ::-1]))
 
 
 def test_an_svg_is_true_to_size() -> None:

@@ -34,6 +34,9 @@ LUG = 2.0  # mm of plate round a post
 PLAY = 0.15  # mm of a hole round its post
 _ROUND = 48  # sides of a circle
 _THINNEST = 2.0  # mm of a stem that still prints
+_BITE, _SHY = 1.0, 0.02  # mm that the solid behind the facets enters its plate, and stays within its outline
+_BLUNT = 0.1  # mm off the tip of a pyramid
+_FINEST = 1e-3  # mm; what is finer is no detail but a sliver
 
 
 def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Manifold]:
@@ -53,7 +56,7 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
     thickness = making.thickness_mm
     if family.fold:
         wide, lowest = MM * family.height, MM * (family.height - _depth(family) * math.tan(family.tilt))
-        core = _behind_facets(rig, thickness, lowest, wide)
+        core = _behind_facets(rig, thickness, outline, lowest, wide + _BITE)
         top = core + _plate(outline, posts, wide, PLATE, holes=True)
         top = _with_camera_room(top, rig, family, body, thickness)
         base = _plate(outline, posts, -thickness - PLATE, PLATE) + _posts(
@@ -61,7 +64,9 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
         )
         return {"holder-facets": top, "holder-base": base}
     tip = min(MM * (_depth(family) * math.tan(family.tilt)), MM * family.height)
-    core = _behind_facets(rig, thickness, 0.0, tip)
+    # A blunt tip: many planes that meet in one point would leave slivers there.
+    blunt = tip - thickness / math.cos(family.tilt) - _BLUNT
+    core = _behind_facets(rig, thickness, outline, -_BITE, blunt)
     height = MM * family.height
     foot = core + _plate(outline, posts, -PLATE, PLATE) + _posts(posts, -PLATE, height + PLATE)
     bridge = _plate(outline, posts, height, PLATE, holes=True)
@@ -72,7 +77,10 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
 
 def to_stl(solid: Manifold) -> bytes:
     """Binary STL of a solid, in millimetres."""
-    mesh = solid.to_mesh()
+    from manifold3d import Manifold
+
+    # Joined anew after rounding to single precision, which makes one of corners that were two.
+    mesh = Manifold(solid.to_mesh()).simplify(_FINEST).to_mesh()
     corners = np.asarray(mesh.vert_properties)[:, :3][np.asarray(mesh.tri_verts)].astype("<f4")
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
@@ -88,11 +96,14 @@ def post_places(family: Family) -> Array:
     )
 
 
-def _behind_facets(rig: Rig, thickness: float, low: float, high: float) -> Manifold:
+def _behind_facets(rig: Rig, thickness: float, outline: Array, low: float, high: float) -> Manifold:
     """The solid behind all facets, `thickness` behind their reflecting planes, between two heights."""
     from manifold3d import Manifold
 
     planes = [(0.0, 0.0, -1.0, low), (0.0, 0.0, 1.0, -high)]
+    for start, end in zip(outline, np.roll(outline, -1, axis=0)):
+        outward = _unit(np.array([end[1] - start[1], start[0] - end[0]]))
+        planes.append((*outward, 0.0, _SHY - float(outward @ start)))
     for view in rig.views.values():
         name = view.mirrors[-1]
         normal = reflecting_side(rig, name)
@@ -106,8 +117,9 @@ def _behind_facets(rig: Rig, thickness: float, low: float, high: float) -> Manif
     if not ball.success or ball.x is None or ball.x[3] < _THINNEST / 2:
         raise ConfigError(f"holder: mirrors {thickness:g} mm thick leave nothing behind them to print")
     corners = HalfspaceIntersection(half_spaces, ball.x[:3]).intersections
-    # Facets that meet in one tip give it several times over, which would leave slivers in the mesh.
-    return Manifold.hull_points(np.unique(corners.round(4), axis=0))
+    # Corners where more than three planes meet are given several times over.
+    first = np.unique(corners.round(3), axis=0, return_index=True)[1]
+    return Manifold.hull_points(corners[first])
 
 
 def _with_camera_room(top: Manifold, rig: Rig, family: Family, body: Body, thickness: float) -> Manifold:
