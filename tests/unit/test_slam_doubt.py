@@ -105,6 +105,15 @@ def test_only_what_a_turn_should_have_moved_stands_wrongly(ryu: Optics, view: in
     assert not len(views_aside(stood(true_pairs(ryu, STRAIGHT, rng), view), STRAIGHT, ryu))
 
 
+def test_where_most_views_show_noise_none_is_set_aside(ryu: Optics) -> None:
+    """Three of four views whose corners are paired by chance, as in the dark."""
+    rng = np.random.default_rng(66)
+    noise = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.9, 0.3)
+    true = true_pairs(ryu, MOTION, rng)
+    assert not len(views_aside(joined(only(true, [0]), only(noise, [1, 2, 3])), MOTION, ryu))
+    assert views_aside(joined(only(true, [0, 1, 2]), only(noise, [3])), MOTION, ryu).tolist() == [3]
+
+
 def corners_of(pairs: Pairs) -> Corners:
     return Corners(pairs.plane_a, pairs.views, pairs.plane_a, np.empty((len(pairs), 32), np.uint8))
 
