@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import resource
 import subprocess
 import sys
@@ -56,9 +57,13 @@ class TestTheWhole:
         ],
     )
     def test_wrong_usage_is_code_2(self, facetcam: Facetcam, arguments: tuple[str, ...]) -> None:
+        line = only_line(facetcam(*arguments), code=2)
+        assert re.search(r"; see `facetcam[a-z ]* --help`$", line)
+
+    @pytest.mark.parametrize("arguments", [(), ("map",), ("evaluate",)])
+    def test_no_words_at_all_show_the_help(self, facetcam: Facetcam, arguments: tuple[str, ...]) -> None:
         result = facetcam(*arguments)
-        assert result.exit_code == 2
-        assert "Traceback" not in result.output
+        assert "Commands:" in result.output and result.exit_code == 2
 
 
 class TestDetect:

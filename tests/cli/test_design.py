@@ -107,6 +107,7 @@ def test_the_shipped_designs(facetcam: Facetcam, name: str, tmp_path: Path) -> N
         ("family: {}\ntolerance: {depths: [1.0e-12]}", "depths is 1e-12"),
         ("family: {}\ntolerance: {tilt_arcmin: 1.0e+6}", "tilt_arcmin is 1e+06"),
         ("family: {}\nsearch: {band_degrees: 0}", "band_degrees"),
+        ("family: {tilt_degrees: 0.01}", "tilted by 0.01 degrees are none; give 1 to 89"),
         ("family: 3", "expected keys"),
         ("- 1", "expected keys"),
         ("family: {fold: false, depth: null, aspect: 1, camera_height: .nan}", "finite"),

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from command import Facetcam
+from command import Facetcam, only_line
 from simulated_rooms import resized, room_quads
 
 from facetcam.calibration import read_boards
@@ -206,6 +206,7 @@ def test_waypoints_make_a_film_too(studio: Path, facetcam: Facetcam) -> None:
         (["--settings", "wide.yaml"], "camera: aperture is 100; it must be between 0 and 0.1"),
         (["--settings", "dark.yaml"], "lamp: power is -1; it must be between"),
         (["--trajectory", "gap.tum"], "gap.tum: 1e+09 s make"),
+        (["--trajectory", "instant.tum"], "its 2 poses take 1e-09 s, less than one of 1000 frames"),
         (["--resume"], "no simulation to resume"),
     ],
 )
@@ -217,10 +218,16 @@ def test_bad_input_is_refused_in_one_line(
     (studio / "wide.yaml").write_text("camera: {aperture: 100}\n")
     (studio / "dark.yaml").write_text("light: {lamps: [{position: [0, 0, 1], power: -1}]}\n")
     (studio / "gap.tum").write_text("".join(f"{t} 0 0 0 0 0 0 1\n" for t in (0, 0.1, 0.2, 1e9)))
+    (studio / "instant.tum").write_text("0 0 0 0 0 0 0 1\n0.000000001 0.1 0 0 0 0 0 1\n")
     result = facetcam(*arguments(studio), *change)
     assert result.exit_code == 1
     assert says in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_drive_over_before_its_second_frame_is_refused(studio: Path, facetcam: Facetcam) -> None:
+    line = only_line(facetcam(*arguments(studio, path="drive"), "--speed", "1e12"))
+    assert "m at 1e+12 m/s end before the second of 10 frames/s; go slower" in line
 
 
 def test_odd_paths_are_said_and_still_filmed(studio: Path, facetcam: Facetcam) -> None:

@@ -8,7 +8,7 @@ from typing import Literal
 
 import pytest
 
-from facetcam.config import from_mapping, load_config
+from facetcam.config import from_mapping, load_config, require_ranges
 from facetcam.errors import ConfigError
 
 
@@ -91,3 +91,23 @@ def test_an_unreadable_file_is_one_line(tmp_path: Path, content: bytes | None) -
     with pytest.raises(ConfigError, match=r"broken\.yaml") as caught:
         load_config(Room, path)
     assert "\n" not in str(caught.value)
+
+
+@dataclass(frozen=True)
+class Judge:
+    size: float = 1.0
+
+    def __post_init__(self) -> None:
+        require_ranges("judge", self, size=(0.0, 2.0))
+
+
+def test_a_file_is_named_before_what_a_class_says_of_its_own_values(tmp_path: Path) -> None:
+    path = tmp_path / "judge.yaml"
+    path.write_text("size: 3\n")
+    with pytest.raises(ConfigError) as caught:
+        load_config(Judge, path)
+    assert str(caught.value) == f"{path}: judge: size is 3; it must be between 0 and 2"
+    path.write_text("sise: 3\n")  # named already, and not twice
+    with pytest.raises(ConfigError) as caught:
+        load_config(Judge, path)
+    assert str(caught.value) == f"{path}: unknown key 'sise'; did you mean 'size'?"

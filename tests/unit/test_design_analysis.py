@@ -212,7 +212,7 @@ class TestFamily:
         [
             (Family(depth=0.07), CameraSpec(), "cross each other"),
             (Family(tilt_degrees=80.0), CameraSpec(), "do not fit above a base"),
-            (Family(tilt_degrees=95.0), CameraSpec(), "below 90"),
+            (Family(tilt_degrees=95.0), CameraSpec(), "give 1 to 89"),
             (Family(radius=0.0), CameraSpec(), "above zero"),
             (Family(depth=0.0), CameraSpec(), "no area"),
             (Family(depth=None), CameraSpec(), "give their depth"),

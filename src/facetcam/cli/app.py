@@ -20,10 +20,12 @@ from facetcam.cli.map import info
 from facetcam.cli.simulate import simulate
 from facetcam.cli.slam import slam
 from facetcam.cli.unwrap import unwrap
+from facetcam.cli.usage import OneLineGroup
 from facetcam.cli.view import view
 
 app = typer.Typer(
     name="facetcam",
+    cls=OneLineGroup,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

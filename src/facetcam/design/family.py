@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 _CLEARANCE = 1e-3  # metres between the lens and any mirror, at least
 _ROUNDING = 1e-6
 _MOST_FACES = 24
+_FLATTEST = 1.0  # degrees between a facet and level, or upright
 
 
 def make_rig(spec: DesignSpec) -> Rig:
@@ -87,8 +88,11 @@ def _check_numbers(family: Family) -> None:
             raise RigError(f"family: {name} is {value:g}; it must be above zero and finite")
     if not 3 <= family.faces <= _MOST_FACES:
         raise RigError(f"family: 3 to {_MOST_FACES} faces make a rig, got {family.faces}")
-    if family.tilt_degrees >= 90:
-        raise RigError(f"family: a tilt of {family.tilt_degrees:g} degrees must be below 90")
+    if not _FLATTEST <= family.tilt_degrees <= 90 - _FLATTEST:
+        raise RigError(
+            f"family: facets tilted by {family.tilt_degrees:g} degrees are none;"
+            f" give {_FLATTEST:g} to {90 - _FLATTEST:g}"
+        )
     if family.depth is not None and not family.depth > 0:
         raise RigError(f"family: facets of depth {family.depth:g} have no area; give a depth above zero")
     if family.depth is None and family.fold:

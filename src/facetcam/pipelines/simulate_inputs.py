@@ -25,7 +25,7 @@ from facetcam.simulation.settings import LampSettings, SimulationConfig
 
 Array = NDArray[np.float64]
 
-FPS = 10
+FPS, FASTEST = 10, 1000  # frames a second
 LAMP_EVERY, LAMP_ABOVE, MOST_LAMPS = 4.0, 1.2, 8  # metres along the path and above it
 
 
@@ -182,7 +182,12 @@ def read_waypoints(path: Path) -> Array:
 def _frames(path: Drive, options: Options) -> tuple[Drive, int]:
     """The moments of the frames, evenly spaced, with their poses."""
     step = float(np.median(np.diff(path.times))) if len(path) > 1 else 1.0 / FPS
-    fps = options.fps or max(1, min(round(1.0 / step), 1000))
+    fps = options.fps or max(1, min(round(1.0 / step), FASTEST))
+    if len(path) > 1 and options.fps is None and path.times[-1] * fps < 1.0:
+        raise FacetcamError(
+            f"{options.trajectory or options.drive}: its {len(path)} poses take {path.times[-1]:g} s,"
+            f" less than one of {fps} frames a second; give times in seconds, or --fps"
+        )
     count = int(np.floor(path.times[-1] * fps + 1e-6)) + 1
     count = min(count, options.max_frames or count)
     if count > MOST_FRAMES:

@@ -95,6 +95,10 @@ def through(waypoints: Array, fps: float, speed: float = SPEED, height: float = 
             f"drive: {apart.sum():g} m at {speed:g} m/s and {fps:g} frames/s, {height:g} m high, is none; "
             f"below {MOST_FRAMES} frames and a finite height make one"
         )
+    if apart.sum() / speed * fps < 1.0:
+        raise FacetcamError(
+            f"drive: {apart.sum():g} m at {speed:g} m/s end before the second of {fps:g} frames/s; go slower"
+        )
     from scipy.interpolate import CubicSpline
 
     closed = len(points) > 3 and bool(np.array_equal(points[0], points[-1]))
