@@ -10,11 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from facetcam.geometry import se3
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import HandedOver, Keyframe, Map
+from facetcam.slam.map import HandedOver, Keyframe, Map, Observations
 from facetcam.slam.measure import measure
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale_evidence import LARGEST, Evidence, scale_evidence
@@ -78,23 +80,26 @@ class Handovers:
     def take_up(self) -> None:
         """Add hand-overs to the map; where they deny its scale, it goes over to theirs."""
         self.seek([k for k in self._map.keyframes if k.frame is not None])
-        evidence = self.evidence()
+        telling = self._telling()
+        evidence = self._evidence(telling)
         denied = abs(evidence.stretch) > np.hypot(3.0 * evidence.sigma, self._config.metric_sigma)
         if not evidence.points or (denied and evidence.points < _LEAST_POINTS):
             return
         with self._map.lock:
             if denied:
                 rescale(self._map, float(np.exp(evidence.stretch)), self._optics)
-            self._add(evidence.agrees)
+            self._add(telling, evidence.agrees)
         if denied:
             self._adjuster.adjust_coarsely()
 
     def evidence(self) -> Evidence:
         """What the hand-overs say of the scale of the map as it is."""
+        return self._evidence(self._telling())
+
+    def _evidence(self, sought: list[HandedOver]) -> Evidence:
         whole = self._adjuster.whole(swept=False)
         if whole is None:
             return Evidence.none()
-        sought = [self._living(k) for k in self._map.keyframes]
         ids = self._map.observed_points(self._map.keyframes)
         home = np.concatenate([s.home for s in sought])
         sightings = replace(
@@ -108,10 +113,13 @@ class Handovers:
         self.tell = bool(np.isfinite(evidence.sigma))
         return evidence
 
-    def _living(self, keyframe: Keyframe) -> HandedOver:
-        """The hand-overs of a keyframe whose points the map still has."""
-        found = keyframe.handovers
-        return found.take(self._map.points.alive[found.point])
+    def _telling(self) -> list[HandedOver]:
+        """The hand-overs of each keyframe that can tell the scale, and whose points the map still has."""
+        if not self._map.keyframes:
+            return []
+        alive = self._map.points.alive
+        living = [k.handovers.take(alive[k.handovers.point]) for k in self._map.keyframes]
+        return mapped_nearby(self._map.keyframes, living, self._config.min_inliers)
 
     def _plane(self, keyframe: Keyframe, found: HandedOver) -> Array:
         """Where they lie on the ideal pinholes, as a global shutter would show them."""
@@ -119,15 +127,41 @@ class Handovers:
         seen = (found.view, found.pixels)
         return at_one_moment(keyframe.T_world_rig, keyframe.velocity, xyz, *seen, readout, self._optics)
 
-    def _add(self, agrees: NDArray[np.bool_]) -> None:
-        """Let keyframes see those of their living hand-overs that agree."""
+    def _add(self, telling: list[HandedOver], agrees: NDArray[np.bool_]) -> None:
+        """Let keyframes see those of their hand-overs that agree."""
         first = 0
-        for keyframe in self._map.keyframes:
-            found, seen = self._living(keyframe), keyframe.observations
+        for keyframe, found in zip(self._map.keyframes, telling):
+            seen = keyframe.observations
             rows, first = agrees[first : first + len(found)], first + len(found)
             found = found.take(rows & ~seen.has(found.point, found.view))
             plane = self._optics.plane(found.pixels, found.view)
             seen.append(found.point, found.view, found.pixels, plane)
+
+
+def mapped_nearby(keyframes: list[Keyframe], found: list[HandedOver], least: int) -> list[HandedOver]:
+    """Hand-overs of each keyframe, less those of points that were mapped in another part of the map.
+
+    Keyframes are one part where single views tie them, each of which sees `least` points again. Hand-overs
+    from part to part have themselves placed the one after the other: they agree at any scale.
+    """
+    seen = [k.observations for k in keyframes]
+    part = _parts(seen, least)
+    mapped = np.concatenate([_names(p, s.point, s.view) for p, s in zip(part, seen)])
+    return [f.take(np.isin(_names(p, f.point, f.home), mapped)) for p, f in zip(part, found)]
+
+
+def _parts(seen: list[Observations], least: int) -> Index:
+    """Part (K,) of the map to which each keyframe belongs."""
+    names = [_names(0, s.point, s.view) for s in seen]
+    every, columns = np.unique(np.concatenate(names), return_inverse=True)
+    start = np.cumsum([0, *(len(n) for n in names)])
+    sight = csr_matrix((np.ones(len(columns), np.int32), columns, start), shape=(len(seen), len(every)))
+    return np.asarray(connected_components((sight @ sight.T) >= least, directed=False)[1])
+
+
+def _names(part: int, point: Index, view: NDArray[np.int8]) -> Index:
+    """One number for each point as a view of a part of the map sees it."""
+    return (np.int64(part) << 40) + point * 128 + view
 
 
 def _at_one_place(found: HandedOver) -> HandedOver:
