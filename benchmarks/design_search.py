@@ -1,4 +1,4 @@
-"""The search for the best rig from the preset `ryu`, on every goal: score, and what the rig found has.
+"""The search for the best rig from the preset `ryu`, on each goal: score, and what the rig found has.
 
 python benchmarks/design_search.py [--seed 0]
 """
@@ -20,7 +20,6 @@ GOALS = (
     ("coverage", None),
     ("resolution", LENS),
     ("baseline", None),
-    ("overlap", None),
     ("coverage=1,baseline=0.5", None),
     ("coverage=1,resolution=0.5", LENS),
 )

@@ -88,3 +88,9 @@ def test_pareto_keeps_exactly_what_nothing_beats(rows: list[tuple[int, int]]) ->
     for row, is_kept in zip(rows, kept):
         beaten = any(o[0] >= row[0] and o[1] >= row[1] and o != row for o in rows)
         assert is_kept == (not beaten)
+
+
+def test_a_goal_that_no_candidate_gains_on_is_said() -> None:
+    wish = Search(goal=Goal(0.0, overlap=1.0), generations=1, population=2)
+    with pytest.raises(ConfigError, match="no candidate scores above zero on this goal"):
+        search(replace(read_spec("preset:ryu"), search=wish))

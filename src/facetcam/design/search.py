@@ -72,7 +72,7 @@ def search(
     Raises
     ------
     ConfigError
-        If the design is no family, nothing is free, or no candidate could be built.
+        If the design is no family, nothing is free, no candidate could be built, or none gains anything.
     """
     if spec.family is None:
         raise ConfigError("search: a rig of its own has no parameters to change; give a family")
@@ -111,6 +111,11 @@ def search(
     start, _ = evaluate(spec.family, spec.camera, spec.body, wish.envelope, band)
     if best is None:
         raise ConfigError("search: no candidate fits the envelope; widen the bounds or the envelope")
+    if best.score(wish.goal) <= 0.0:
+        raise ConfigError(
+            "search: no candidate scores above zero on this goal; change the goal or the bounds"
+            " (facets of one family lean apart, so its views hardly overlap)"
+        )
     table = np.array([[getattr(q, name) for name in GOALS] for q in seen])
     return Found(
         replace(spec, family=family, camera=camera), best, start, table, np.array(history), len(scores)
