@@ -30,7 +30,7 @@ _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a mo
 _AGREEING_ROUNDS = 2
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
 STANDING = 1e-4  # metres
-_MIN_CONFIRMING = 40  # pairs
+_MIN_CONFIRMING = 40  # pairs, fewer than a motion needs that the images alone have told
 _CONFIRMING = 0.6  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
 _MOST_STRETCHED = 2.0  # factor of its length
@@ -39,14 +39,15 @@ _MOST_STRETCHED = 2.0  # factor of its length
 def enough_parallax(
     a: Corners, b: Corners, T_a_b: Array, optics: Optics, config: SlamConfig, aside: Index, several: bool
 ) -> bool:
-    """Tell whether two frames with a known motion can start a map without the views set `aside`.
+    """Tell whether two frames with a measured motion can start a map without the views set `aside`.
 
-    Where `several` views could tell, more than one must show it.
+    Where `several` views could tell, more than one must show it. The images have confirmed the motion before,
+    so fewer pairs do than where they must find it.
     """
     rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
     rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
     good = Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE)
-    return good.sum() >= MIN_MATCHES and _borne_out(good, several)
+    return good.sum() >= _MIN_CONFIRMING and _borne_out(good, several)
 
 
 def _borne_out(good: Index, several: bool) -> bool:
