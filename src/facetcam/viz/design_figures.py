@@ -58,6 +58,8 @@ def sensor_figure(analysis: Analysis) -> str:
     for axes in (left, right):
         axes.set_facecolor("none")
         plain(axes)
+        axes.set_xlabel("column (pixels)")
+        axes.set_ylabel("row (pixels)")
         axes.grid(visible=False)
     return to_svg(figure)
 
