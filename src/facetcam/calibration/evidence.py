@@ -14,10 +14,10 @@ from facetcam.calibration.result import Finding
 
 Array = NDArray[np.float64]
 
-TIGHT = 0.2  # pixels: the loss of a fit in which the majority snaps into place
+TIGHT = 1.0  # pixels: the loss of a fit in which the majority snaps into place
 CLEAR = 20.0  # nats by which one explanation must beat another to be believed before it
 _WRONG = 5.0  # noises that a photo or board must be off to be looked into
-_LEAST = 0.2  # and pixels
+_LEAST = 0.5  # and pixels
 _MENDED = 0.4  # of its error must remain at most when it is explained
 
 
