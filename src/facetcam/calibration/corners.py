@@ -55,9 +55,8 @@ def refine(
     for half in np.unique(window[inside]):
         rows = inside & (window == half)
         corners = np.ascontiguousarray(start[rows], dtype=np.float32).reshape(-1, 1, 2)
-        rough = cv2.cornerSubPix(image, corners, (int(half),) * 2, (-1, -1), _SETTLED)[:, 0].astype(
-            np.float64
-        )
+        found = cv2.cornerSubPix(image, corners, (int(half),) * 2, (-1, -1), _SETTLED)
+        rough = found[:, 0].astype(np.float64)
         fine = fit_saddles(image, rough, _RADIUS * half, max(_STRIP * half, LEAST_WINDOW))
         pixels[rows] = np.where(np.isnan(fine), rough, fine)
     moved = np.linalg.norm(pixels - start, axis=1)

@@ -16,10 +16,7 @@ from facetcam.io.tables import read_numbers, require_increasing
 Array = NDArray[np.float64]
 COLUMNS = "timestamp,x,y,yaw"
 _WIDE = 60.0  # range of yaw that is little in degrees, but many turns in radians
-_ALONG = (
-    0.95,
-    0.8,
-)  # shares of the way along the heading: of wheels that cannot go aside, and of another one
+_ALONG = (0.95, 0.8)  # shares of the way along a heading: of wheels that cannot go aside, and of a wrong one
 FASTEST = 10.0  # metres or radians a second, that a robot keeps up
 MAX_GAP = 0.5  # seconds; over longer ones a straight line would be invented motion
 
