@@ -13,6 +13,7 @@ from facetcam.slam.tracking import Fix
 Array = NDArray[np.float64]
 
 _CANDIDATES = 30
+_LEAST_NEWS = 0.2  # distance from the nearest keyframe below which a frame has no new points to give
 
 
 def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, float]:
@@ -34,5 +35,10 @@ def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, 
 
 
 def is_due(fix: Fix, nearest: Keyframe, distance: float, config: SlamConfig) -> bool:
-    """New points are due away from all keyframes, and where fewer points are found than at the nearest."""
-    return distance > 1.0 or len(fix.seen) < config.keyframe_overlap * nearest.measured
+    """New points are due away from all keyframes, and where fewer points are found than at the nearest.
+
+    They are due early where hardly any are found: the next step may lose these.
+    """
+    found = len(fix.seen)
+    scarce = found < config.keyframe_points and distance > _LEAST_NEWS
+    return distance > 1.0 or found < config.keyframe_overlap * nearest.measured or scarce
