@@ -13,15 +13,15 @@ from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.pose import Pose
 from facetcam.slam.tracking import Fix
 
-CONFIG = SlamConfig(keyframe_points=100, keyframe_overlap=0.8)
+CONFIG = SlamConfig(keyframe_points=150, keyframe_overlap=0.8)
 
 
-def fix(found: int) -> Fix:
-    """A pose from so many measurements."""
-    views, pixels = np.zeros(found, np.int8), np.zeros((found, 2))
-    expected = Predictions(np.arange(found), views, pixels, np.zeros((found, 2, 2)))
-    seen = Measurements(np.arange(found), views, pixels, pixels)
-    return Fix(Pose(np.eye(4), np.eye(6), np.zeros(found)), expected, seen)
+def fix(found: int, expected: int) -> Fix:
+    """A pose from so many measurements of so many points in sight."""
+    views, pixels = np.zeros(expected, np.int8), np.zeros((expected, 2))
+    in_sight = Predictions(np.arange(expected), views, pixels, np.zeros((expected, 2, 2)))
+    seen = Measurements(np.arange(found), views[:found], pixels[:found], pixels[:found])
+    return Fix(Pose(np.eye(4), np.eye(6), np.zeros(found)), in_sight, seen)
 
 
 def nearest(measured: int) -> Keyframe:
@@ -31,14 +31,15 @@ def nearest(measured: int) -> Keyframe:
 
 
 @pytest.mark.parametrize(
-    ("found", "measured", "distance", "due"),
+    ("found", "expected", "measured", "distance", "due"),
     [
-        (300, 300, 0.5, False),  # much is found, and little has changed
-        (300, 300, 1.1, True),  # moved or turned
-        (200, 300, 0.1, True),  # a third of the points is gone
-        (50, 50, 0.5, True),  # hardly any are left: the next step may lose these
-        (50, 50, 0.1, False),  # but from here nothing new is to be seen
+        (300, 400, 300, 0.5, False),  # much is found, and little has changed
+        (300, 400, 300, 1.1, True),  # moved or turned
+        (200, 400, 300, 0.1, True),  # a third of the points is gone
+        (50, 60, 50, 0.5, True),  # hardly any are left: the next step may lose these
+        (50, 60, 50, 0.1, False),  # but from here nothing new is to be seen
+        (50, 300, 50, 0.5, False),  # many are there, in the dark: it will come to light again
     ],
 )
-def test_new_points_are_due(found: int, measured: int, distance: float, due: bool) -> None:
-    assert is_due(fix(found), nearest(measured), distance, CONFIG) is due
+def test_new_points_are_due(found: int, expected: int, measured: int, distance: float, due: bool) -> None:
+    assert is_due(fix(found, expected), nearest(measured), distance, CONFIG) is due

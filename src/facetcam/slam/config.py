@@ -42,7 +42,7 @@ class SlamConfig:
     keyframe_overlap : float
         Share of the last keyframe's measurements still found, below which a new one is made.
     keyframe_points : int
-        Measurements below which a small motion asks for a new keyframe, before the last ones are lost.
+        Map points in sight, below which a small motion asks for a new keyframe, before these are lost.
     window : int
         Keyframes adjusted together.
     odometry_sigma : float
@@ -72,7 +72,7 @@ class SlamConfig:
     keyframe_parallax: float = 0.08
     keyframe_angle: float = 0.15
     keyframe_overlap: float = 0.8
-    keyframe_points: int = 100
+    keyframe_points: int = 150
     window: int = 8
     odometry_sigma: float = 0.3
     metric_sigma: float = 0.02

@@ -37,8 +37,8 @@ def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, 
 def is_due(fix: Fix, nearest: Keyframe, distance: float, config: SlamConfig) -> bool:
     """New points are due away from all keyframes, and where fewer points are found than at the nearest.
 
-    They are due early where hardly any are found: the next step may lose these.
+    They are due early where the map has few in sight: the next step may lose these. In the dark few are found
+    of many, and what a keyframe would add there is noise.
     """
-    found = len(fix.seen)
-    scarce = found < config.keyframe_points and distance > _LEAST_NEWS
-    return distance > 1.0 or found < config.keyframe_overlap * nearest.measured or scarce
+    scarce = len(fix.predictions) < config.keyframe_points and distance > _LEAST_NEWS
+    return distance > 1.0 or len(fix.seen) < config.keyframe_overlap * nearest.measured or scarce
