@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from facetcam.geometry import se3
 from facetcam.slam.frame import Corners
+from facetcam.slam.information import information
 from facetcam.slam.map import Keyframe
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import free_frames, map_uncertainty
@@ -96,3 +98,25 @@ def test_uncertainty_is_alike_to_the_bit_whatever_the_threads_of_linear_algebra(
     for other in found[1:]:
         assert other.scale_sigma == found[0].scale_sigma
         assert np.array_equal(other.covariance, found[0].covariance)
+
+
+def test_a_point_close_by_that_is_seen_once_tells_nothing() -> None:
+    """Its ray alone is known, to the digit: what rounding loses of that must not pose as information."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(12)
+    path = winding_path(5)
+    bundle = bundle_of(optics, path, in_sight(optics, path, rng, 300), rng.normal(0.0, 0.01, (20000, 2)))
+    last, plane = len(path) - 1, np.array([[-9.6, -13.2]])
+    for depth in (0.15, 0.02):
+        ray = optics.plane_rays(plane, np.array([0])) * depth
+        point = se3.transform(path[last], optics.origins(np.array([0])) + ray)
+        more = replace(
+            bundle,
+            points=np.concatenate([bundle.points, point]),
+            frame=np.append(bundle.frame, last),
+            view=np.append(bundle.view, 0),
+            point=np.append(bundle.point, len(bundle.points)),
+            plane=np.concatenate([bundle.plane, plane]),
+        )
+        without, with_it = (information(b, optics, 0.5).poses for b in (bundle, more))
+        scales = [np.linalg.eigvalsh(S / np.trace(S))[6:] for S in (without, with_it)]
+        assert np.allclose(scales[1], scales[0], rtol=1e-3)

@@ -68,11 +68,10 @@ def information(
     by_rig = np.concatenate([by_rig, by_shutter[:, :, None]], axis=2)
     A, B = _blocks(root * J, bundle.frame, K), _blocks(root * by_point, bundle.point, P)
     C, r = (root * by_rig).reshape(2 * M, -1), (root[:, :, 0] * residual).ravel()
-    V_inverse = _inverse_blocks((B.T @ B).tobsr((3, 3)), P)
-    W = A.T @ B
-    through, pull, rest = V_inverse @ (B.T @ C), V_inverse @ (B.T @ r), B.T @ C
-    poses = np.asarray((A.T @ A - W @ V_inverse @ W.T).todense()) + _across(bundle)
-    joint, rig = A.T @ C - W @ through, C.T @ C - rest.T @ through
+    B = B @ _whitening((B.T @ B).tobsr((3, 3)), P)
+    W, rest, pull = A.T @ B, B.T @ C, B.T @ r
+    poses = np.asarray((A.T @ A - W @ W.T).todense()) + _across(bundle)
+    joint, rig = A.T @ C - W @ rest, C.T @ C - rest.T @ rest
     pose_gradient, rig_gradient = A.T @ r - W @ pull, C.T @ r - rest.T @ pull
     u, w = joint[:, -1], rig[:-1, -1]
     h = float(rig[-1, -1]) + READOUT_SIGMA**-2
@@ -172,12 +171,17 @@ def _blocks(values: Array, column: NDArray[np.int64], n_columns: int) -> sparse.
     return matrix.tocsr()
 
 
-def _inverse_blocks(V: sparse.bsr_matrix, count: int) -> sparse.bsr_matrix:
-    """Inverse of a matrix of (3, 3) blocks on the diagonal."""
+def _whitening(V: sparse.bsr_matrix, count: int) -> sparse.bsr_matrix:
+    """Root L of the inverse L L' of a matrix of (3, 3) blocks on the diagonal.
+
+    Products with the inverse itself would lose the little that is told of a point which is seen in one
+    direction alone, and what is lost poses as information.
+    """
     blocks = np.zeros((count, 3, 3))
     row = np.repeat(np.arange(count), np.diff(V.indptr))
     diagonal = row == V.indices
     blocks[row[diagonal]] = V.data[diagonal]
-    damping = 1e-9 + 1e-14 * np.trace(blocks, axis1=1, axis2=2)  # more would pose as information
-    inverse = np.linalg.inv(blocks + damping[:, None, None] * np.eye(3))
-    return sparse.bsr_matrix((inverse, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count))
+    values, vectors = np.linalg.eigh(blocks)
+    damped = np.maximum(values, 0.0) + 1e-9 + 1e-14 * values[:, -1:]  # more would pose as information, too
+    root = vectors / np.sqrt(damped)[:, None, :]
+    return sparse.bsr_matrix((root, np.arange(count), np.arange(count + 1)), shape=(3 * count, 3 * count))
