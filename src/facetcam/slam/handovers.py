@@ -28,7 +28,7 @@ Index = NDArray[np.int64]
 
 _FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 13))  # patches are drawn in over the steps between
 _FEW_FACTORS = _FACTORS[::3]
-_NEAR = 6  # keyframes before and after, whose points are sought
+_NEAR = 12  # keyframes before and after, whose points are sought
 _ONE_PLACE = 1.0  # px
 _LEAST_FINDS = 2  # scales from which a point must be found at its place
 _LEAST_POINTS = 30  # that must bear another scale out before the map goes over to it
