@@ -173,3 +173,24 @@ def test_doubt_ends_after_five_good_frames() -> None:
         assert not trust.believes(poor)
         trust.accept()
     assert trust.believes(poor)
+
+
+@pytest.mark.parametrize(
+    ("seen", "expected", "residual", "borne_out"),
+    [
+        (
+            [7, 0, 0, 8],
+            [34, 3, 0, 78],
+            BLUNT,
+            False,
+        ),  # chance found so many on a film that went astray
+        ([7, 0, 0, 8], [34, 3, 0, 78], SHARP, True),  # but they do not agree so well
+        ([0, 0, 0, 27], [0, 75, 6, 88], BLUNT, True),  # one view finds enough of its own
+        ([4, 0, 0, 0], [6, 40, 40, 40], BLUNT, False),  # and four points are no view
+        ([10, 10, 10, 10], [45, 45, 45, 45], BLUNT, True),  # a good part of everything, as in the dark
+    ],
+)
+def test_a_pose_that_nothing_bears_out_is_none(
+    seen: list[int], expected: list[int], residual: float, borne_out: bool
+) -> None:
+    assert fix(seen, expected, residual).borne_out is borne_out

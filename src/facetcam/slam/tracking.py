@@ -25,6 +25,9 @@ _WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
+_LEAST_IN_VIEW = 5  # measurements without which a view is no witness
+_BY_CHANCE = 0.2  # share of the predictions that any pose may find
+_VIEWS = 128  # at most
 _SHARP = (1.0, 0.7)  # px, and the share of the measurements that fit a right pose so well
 
 
@@ -50,6 +53,16 @@ class Fix:
     def likely(self) -> bool:
         """Tell whether a good part of what was expected is there."""
         return len(self.seen) >= _LIKELY * len(self.predictions)
+
+    @property
+    def borne_out(self) -> bool:
+        """Tell whether anything bears it out: what is found in all views, or in one, or how well that agrees.
+
+        By chance alone some patches of many agree with any pose.
+        """
+        seen, expected = (np.bincount(rows.view, minlength=_VIEWS) for rows in (self.seen, self.predictions))
+        witness = (seen >= _LEAST_IN_VIEW) & (seen >= _LIKELY * expected)
+        return bool(witness.any() or len(self.seen) >= _BY_CHANCE * len(self.predictions) or self.sharp)
 
     @property
     def sharp(self) -> bool:
@@ -124,7 +137,8 @@ class Tracker:
         fits = pose.residuals < config.gate
         if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
             return None
-        return Fix(pose, expected, seen.take(fits))
+        fix = Fix(pose, expected, seen.take(fits))
+        return fix if fix.borne_out else None
 
     def _relocate(self, frame: Frame, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
