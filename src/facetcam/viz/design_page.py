@@ -156,7 +156,7 @@ def figures(report: DesignReport) -> dict[str, Markup]:
 
 
 VIEW_HEAD = (
-    "view", "over", "shown", "solid angle", "of the sphere", "of the sensor", "azimuth", "elevation",
+    "view", "over", "mirrored", "solid angle", "of the sphere", "of the sensor", "azimuth", "elevation",
     "pixels per degree", "centre x, y, z", "to the nearest",
 )  # fmt: skip
 
@@ -165,7 +165,7 @@ def view_row(name: str, view: ViewFacts) -> tuple[str, ...]:
     return (
         name,
         " > ".join(view.chain) or "direct",
-        "mirrored" if view.mirrored else "true",
+        "yes" if view.mirrored else "no",
         f"{view.solid_angle:.3f} sr",
         percent(view.solid_angle / (4 * math.pi)),
         percent(view.sensor_share),

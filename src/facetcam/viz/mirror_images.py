@@ -128,8 +128,8 @@ def _project_in_space(axes: Any, rig: Rig, target: Array) -> None:
         for corner in ring:
             axes.plot(*(MM * np.stack([centre, corner], axis=1)), color=MUTED, lw=0.8)
     axes.plot(*(MM * centre)[:, None], "o", color=INK, ms=6)
-    axes.text(*(MM * centre), "   lens", color=INK, fontsize=9, va="bottom")
-    frame_axes(axes, MM * np.vstack([centre[None], target, frame]))
+    axes.text(*(MM * centre), 3 * "\N{NO-BREAK SPACE}" + "lens", color=INK, fontsize=9, va="bottom")
+    frame_axes(axes, MM * np.vstack([centre[None], target, frame]), box=(0.0, 0.0, 5.8, 4.6))
 
 
 def _first_rings(rig: Rig) -> list[Array]:

@@ -63,7 +63,7 @@ def stray_figure(analysis: Analysis, body: Body) -> str:
         axes.plot(*(MM * path).T, style, color=ERROR_COLOUR, lw=1.6, label=label)
         shown.append(path)
     frame_axes(axes, MM * np.vstack(shown))
-    axes.legend(loc="upper left", frameon=False, labelcolor=INK, fontsize=9)
+    figure.legend(loc="upper left", frameon=False, labelcolor=INK, fontsize=9)
     return to_svg(figure)
 
 
@@ -192,17 +192,19 @@ def _dimensions(axes: Axes, family: Family, across: int) -> None:
         axes.annotate("", start, end, arrowprops={"arrowstyle": "<->", "color": MUTED, "lw": 0.9})
         axes.annotate(words, at, color=INK, ha="center", va="center", fontsize=9)
 
-    measure((-1.15 * radius, 0), (-1.15 * radius, MM * family.height), "", (0, 0))
-    words = f"height {MM * family.height:.0f}"
+    outside = axes.dataLim.x0 - 0.12 * MM * family.height  # where no ray crosses the words
+    axes.update_datalim([(outside - 0.3 * MM * family.height, 0.0)])
+    axes.autoscale_view()
+    measure((outside, 0), (outside, MM * family.height), "", (0, 0))
+    words, middle = f"height {MM * family.height:.0f}", MM * family.height / 2
     axes.annotate(
         words,
-        (-1.22 * radius, MM * family.height / 2),
+        (outside - 0.4 * abs(room), middle),
         color=INK,
         rotation=90,
-        ha="center",
+        ha="right",
         va="center",
         fontsize=9,
-        bbox=_PAPER,
     )
     if across == 0 and family.faces % 4:
         return
@@ -210,7 +212,7 @@ def _dimensions(axes: Axes, family: Family, across: int) -> None:
         (0, wide + room), (radius, wide + room), f"{words_of} {radius:.1f}", (radius / 2, wide + 1.9 * room)
     )
     tilt = f"tilt {family.tilt_degrees:.1f}°"
-    axes.annotate(tilt, (radius * 1.04, wide - 0.7 * room), color=INK, fontsize=9, bbox=_PAPER)
+    axes.annotate(tilt, (0.62 * radius, wide - 0.8 * room), color=INK, ha="right", va="center", fontsize=9)
 
 
 def _corners(rig: Rig) -> Array:

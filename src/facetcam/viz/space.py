@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_FILLED = 0.92  # share of the width or height that a picture fills
+_MARGIN = 0.3  # inches between a picture and its edge, for names of what ends there
 
 
 def empty_space(width: float, height: float) -> tuple[Figure, Any]:
@@ -26,14 +26,27 @@ def empty_space(width: float, height: float) -> tuple[Figure, Any]:
     return figure, axes
 
 
-def frame_axes(axes: Any, points: Array) -> None:
-    """Show all points (N, 3) in a picture in space, as large as it takes them, with equal scales."""
+def frame_axes(axes: Any, points: Array, box: tuple[float, float, float, float] | None = None) -> None:
+    """Show all points (N, 3) as large as the picture takes them, with equal scales.
+
+    In `box` (left, bottom, width, height; inches), or in the whole figure, which then becomes no higher than
+    the points need.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     for setter, a, b in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high):
         setter(a, b)
-    sides = np.maximum(high - low, 1e-3)
-    axes.set_box_aspect(sides)
-    axes.set_box_aspect(sides, zoom=_FILLED / (2.0 * np.abs(on_page(axes, points) - 0.5).max()))
+    axes.set_box_aspect(np.maximum(high - low, 1e-3))
+    figure = axes.figure
+    left, bottom, width, height = box or (0.0, 0.0, *figure.get_size_inches())
+    flat = on_page(axes, points)
+    spans, middle = np.maximum(np.ptp(flat, axis=0), 1e-3), (flat.min(axis=0) + flat.max(axis=0)) / 2
+    side = float(((np.array([width, height]) - 2 * _MARGIN) / spans).min())
+    if box is None:
+        height = side * spans[1] + 2 * _MARGIN
+        figure.set_size_inches(width, height)
+    corner = np.array([left + width / 2, bottom + height / 2]) - side * middle
+    page = figure.get_size_inches()
+    axes.set_position((*(corner / page), *(side / page)))
 
 
 def on_page(axes: Any, points: Array) -> Array:
