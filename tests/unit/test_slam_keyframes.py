@@ -37,7 +37,7 @@ def nearest(measured: int) -> Keyframe:
         (300, 400, 300, 1.1, True),  # moved or turned
         (200, 400, 300, 0.1, True),  # a third of the points is gone
         (50, 60, 50, 0.5, True),  # hardly any are left: the next step may lose these
-        (50, 60, 50, 0.1, False),  # but from here nothing new is to be seen
+        (50, 60, 50, 0.3, False),  # but from here nothing new is to be seen
         (50, 300, 50, 0.5, False),  # many are there, in the dark: it will come to light again
     ],
 )

@@ -13,7 +13,7 @@ from facetcam.slam.tracking import Fix
 Array = NDArray[np.float64]
 
 _CANDIDATES = 30
-_LEAST_NEWS = 0.2  # distance from the nearest keyframe below which a frame has no new points to give
+_LEAST_NEWS = 0.4  # distance from the nearest keyframe below which people who walk seem to stand
 
 
 def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, float]:
