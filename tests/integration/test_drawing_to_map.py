@@ -1,8 +1,10 @@
-"""A new user's way, by the command line alone: drawing, photos and film in the computer, calibration, map."""
+"""A new user's way with the files that the page shows: drawing, photos and film, calibration, map."""
 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -12,54 +14,27 @@ from command import Facetcam
 
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
-from facetcam.simulation.meshes import Material, quad
-from facetcam.simulation.room import furnished_room
 
 pytestmark = pytest.mark.slow
 
-# The paper's rig with half the pixels a side.
-DRAWING = """
-family: {radius: 0.0675, tilt_degrees: 37, height: 0.125, depth: 0.06, aspect: 1.3333, camera_height: 0.055}
-camera: {width: 800, height: 600, focal: 625}
-"""
-SETTINGS = """
-camera: {exposure_time: 0.004}
-light: {lamps: [{position: [-1.5, 0.2, 2.3]}, {position: [1.5, -0.2, 2.3]}]}
-build: {tilt_degrees: 0.3, shift_mm: 0.2, camera_degrees: 0.2, camera_mm: 0.2, focal_percent: 0.5}
-"""
-ROUND = "x,y\n-0.4,-1.0\n0.8,-0.9\n1.4,0\n0.8,0.9\n-0.4,1.0\n-1.2,0\n-0.4,-1.0\n"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "drawing-to-map.md"
+ROOM = Path(__file__).parents[2] / "examples" / "07_a_room_to_film.py"
 LONGEST = 0.03  # metres, of the issue's films with odometry
 
 
-def room_without_table(path: Path) -> Path:
-    """The built-in room as a file; what stands in its middle would hide the boards."""
-    import trimesh
-    from PIL import Image
-
-    scene = trimesh.Scene()
-    for surface in furnished_room().surfaces:
-        middle = surface.corner + surface.right / 2 + surface.down / 2
-        if np.abs(middle[:2]).max() < 1.0 and 0.02 < middle[2] < 1.0:
-            continue
-        small = cv2.resize(surface.picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-        picture = surface.picture if min(surface.picture.shape[:2]) < 64 else small
-        q = quad(surface.corner, surface.right, surface.down, Material(picture))
-        material = trimesh.visual.material.PBRMaterial(
-            baseColorTexture=Image.fromarray(picture), metallicFactor=0.0
-        )
-        visual = trimesh.visual.TextureVisuals(uv=q.uv * (1, -1) + (0, 1), material=material)
-        scene.add_geometry(trimesh.Trimesh(q.vertices, q.faces, visual=visual, process=False))
-    scene.export(path)
-    return path
+def shown(title: str) -> str:
+    """The file of that name as the page shows it."""
+    return PAGE.read_text().split(f'title="{title}"\n')[1].split("```")[0]
 
 
 def test_a_rig_from_a_drawing_is_filmed_calibrated_unwrapped_and_mapped(
     tmp_path: Path, facetcam: Facetcam
 ) -> None:
     pytest.importorskip("trimesh", reason="pip install facetcam[sim]")
-    scene = room_without_table(tmp_path / "room.glb")
-    for name, text in (("drawing.yaml", DRAWING), ("settings.yaml", SETTINGS), ("round.csv", ROUND)):
-        (tmp_path / name).write_text(text)
+    subprocess.run([sys.executable, ROOM], cwd=tmp_path, check=True)
+    scene = tmp_path / "room.glb"
+    for name in ("drawing.yaml", "settings.yaml", "round.csv"):
+        (tmp_path / name).write_text(shown(name))
 
     def run(command: str, *arguments: object) -> Path:
         out = tmp_path / f"{command}-{len(list(tmp_path.glob(command + '-*')))}"
