@@ -47,10 +47,10 @@ class _StrictLoader(yaml.SafeLoader):
         # A key of merged content (<<) may be overridden; only keys written side by side are a mistake.
         if len(values) < len(node.value):
             keys = [key.value for key, _ in node.value]
-            twice = next((key for key in keys if keys.count(key) > 1), None)
-            if twice is not None:
+            again = next((i for i, key in enumerate(keys) if key in keys[:i]), None)
+            if again is not None:
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"key {twice!r} given twice", node.start_mark
+                    None, None, f"key {keys[again]!r} given twice", node.value[again][0].start_mark
                 )
         return values
 
@@ -74,7 +74,7 @@ def read_yaml(path: Path) -> object:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise ConfigError(f"{path}: cannot be read ({reason})") from error
     except (yaml.YAMLError, RecursionError) as error:
-        raise ConfigError(f"{path}: not a usable YAML file ({_one_line(error)})") from error
+        raise ConfigError(f"{path}: not a usable YAML file ({yaml_problem(error)})") from error
 
 
 def from_mapping(cls: type[T], values: object, where: str) -> T:
@@ -171,5 +171,11 @@ def _shown(value: object) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())
+def yaml_problem(error: Exception) -> str:
+    """What is wrong in a text of YAML, and where, in one line."""
+    mark, problem = getattr(error, "problem_mark", None), getattr(error, "problem", None)
+    if mark is None or problem is None:
+        return " ".join(str(error).split())
+    words = f"line {mark.line + 1}, column {mark.column + 1}: {problem}"
+    context, start = getattr(error, "context", None), getattr(error, "context_mark", None)
+    return words if context is None or start is None else f"{words} {context} from line {start.line + 1}"

@@ -38,7 +38,7 @@ def test_a_drawing_becomes_a_rig_and_its_report(facetcam: Facetcam, drawing: Pat
     about_mean = np.sqrt(np.sum(centres.var(axis=0)))
     assert found["centres_spread_rms"] == pytest.approx(about_mean, rel=1e-9)
     page = (out / "report.html").read_text()
-    assert page.count("<svg") == 8 and "not one single view point" in page
+    assert page.count("<svg") == 10 and "not one single view point" in page
     assert "it shifts points at 0.5 m by" in page  # of the depths of the drawing, the nearest to a metre
     assert not re.search(r"\bnan\b|\binf\b|mathdefault", page)
     again = facetcam("design", out / "design.yaml", "--out", tmp_path / "again", "--no-tolerance")

@@ -123,7 +123,11 @@ MISTAKES = [
     ("mirrors: [floor]", "mirrors: floor", "view 'up': mirrors: expected a list"),
     ("  up:", "  ../up:", "view '../up': name it with letters"),
     ("  up: {mirrors: [floor]}", "  {}", "views: a rig takes 1 to 127 views"),
-    ("wall: {plane:", "floor: {plane:", "key 'floor' given twice"),
+    (
+        "wall: {plane:",
+        "floor: {plane:",
+        "not a usable YAML file (line 7, column 3: key 'floor' given twice)",
+    ),
 ]
 
 

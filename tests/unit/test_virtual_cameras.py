@@ -135,7 +135,7 @@ def test_ros_cameras_are_read(tmp_path: Path) -> None:
     [
         ("a: 1", "neither an OpenCV camera"),
         ("- 1", "not a camera file"),
-        ("a: [", "not a usable YAML"),
+        ("a: [1\nb: 2", "not a usable YAML file (line 2, column 2: expected ',' or ']'"),
         (ROS.replace("plumb_bob", "division"), "use radtan or equidistant"),
         (ROS.replace("image_width: 640\n", ""), "no 'image_width'"),
         (ROS.replace("[500.0, 0,", "[500.0, 3,"), "skewed"),

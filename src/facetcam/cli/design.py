@@ -65,7 +65,11 @@ def design(
         ("views", ", ".join(analysis.views)),
         ("horizon", f"{100 * analysis.horizon:.1f} %"),
         ("sphere", f"{100 * analysis.sphere:.1f} %"),
-        ("view centres", f"up to {1e3 * analysis.spread:.0f} mm apart"),
+        *(
+            [("view centres", f"up to {1e3 * analysis.spread:.0f} mm apart")]
+            if len(analysis.views) > 1
+            else []
+        ),
         *((f"longest focal, {words}", f"{camera.focal:.0f} px") for words, camera in result.optimum.items()),
     ]
     if result.found is not None:

@@ -134,6 +134,11 @@ def _facts(rig: Rig, name: str, area: Area, sensor: SensorMap, centres: Array, g
     everywhere = np.vstack(polygon)
     middle = _middle_azimuth(area)
     turned = np.remainder(everywhere[:, 0] - middle + math.pi, math.tau) - math.pi + middle
+    azimuth, elevation = (turned.min(), turned.max()), (everywhere[:, 1].min(), everywhere[:, 1].max())
+    down, up = area.sees(np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]))
+    if down or up:  # a pole inside the outline, all round which it goes
+        azimuth = (-math.pi, math.pi)
+        elevation = (-math.pi / 2 if down else elevation[0], math.pi / 2 if up else elevation[1])
     per_degree = sensor.per_degree[sensor.view == index]
     density = (per_degree.min(), per_degree.mean(), per_degree.max()) if len(per_degree) else (0.0, 0.0, 0.0)
     others = np.delete(gaps[index], index)
@@ -145,8 +150,8 @@ def _facts(rig: Rig, name: str, area: Area, sensor: SensorMap, centres: Array, g
         sensor_share=sensor.share(index),
         per_degree=(least, mean, most),
         polygon=polygon,
-        azimuth=(float(turned.min()), float(turned.max())),
-        elevation=(float(everywhere[:, 1].min()), float(everywhere[:, 1].max())),
+        azimuth=(float(azimuth[0]), float(azimuth[1])),
+        elevation=(float(elevation[0]), float(elevation[1])),
         centre=centres[index],
         baseline=float(others.min()) if len(others) else math.nan,
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from facetcam.config import yaml_problem
 from facetcam.errors import FacetcamError, SourceError
 from facetcam.rig.camera import BROWN_CONRADY, COEFFICIENTS, KANNALA_BRANDT, Camera
 
@@ -50,7 +51,7 @@ def _read(path: Path) -> Mapping[str, Any]:
     try:
         document = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise SourceError(f"{path}: not a usable YAML file ({' '.join(str(error).split())})") from error
+        raise SourceError(f"{path}: not a usable YAML file ({yaml_problem(error)})") from error
     if not isinstance(document, dict):
         raise SourceError(f"{path}: not a camera file")
     return document

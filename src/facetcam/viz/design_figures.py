@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ from facetcam.viz.palette import view_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
 
 Array = NDArray[np.float64]
 
@@ -31,36 +32,30 @@ _WIDEST_PICTURE = 800  # pixels
 
 def sensor_figure(analysis: Analysis) -> str:
     """Which view every pixel serves, why the others are dead, and where a finite aperture mixes two views."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    figure = Figure(figsize=(11.6, 4.7), layout="constrained", facecolor="none")
-    left, right = figure.subplots(1, 2)
-    sensor, names = analysis.sensor, analysis.rig.view_names
-    thin = max(1, sensor.view.shape[1] // _WIDEST_PICTURE)
-    picture = _sensor_picture(analysis)[::thin, ::thin]
-    width, height = analysis.rig.size
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
-    left.imshow(picture, extent=extent, interpolation="nearest")
-    shown = [(view_colour(i), name) for i, name in enumerate(names)]
+    figure, axes = new_figure(5.8, 4.7)
+    sensor = analysis.sensor
+    _show(axes, analysis, _sensor_picture(analysis))
+    shown = [(view_colour(i), name) for i, name in enumerate(analysis.rig.view_names)]
     shown += [(DEAD_COLOURS[i], c) for i, c in enumerate(CAUSES) if (sensor.cause == i).any()]
     shown += [(SEAM_COLOUR, "seam band")] if analysis.seams else []
-    left.legend(
+    axes.legend(
         handles=[Patch(color=colour, label=words) for colour, words in shown], loc="lower left",
         bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False, labelcolor=INK, fontsize=8, handlelength=1.0,
     )  # fmt: skip
-    density = np.where(sensor.view >= 0, sensor.per_degree, np.nan)[::thin, ::thin]
-    drawn = right.imshow(density, extent=extent, cmap="viridis")
-    bar = figure.colorbar(drawn, ax=right, shrink=0.8)
+    return to_svg(figure)
+
+
+def density_figure(analysis: Analysis) -> str:
+    """Pixels per degree over the sensor, where it serves a view."""
+    figure, axes = new_figure(5.8, 4.7)
+    sensor = analysis.sensor
+    drawn = _show(axes, analysis, np.where(sensor.view >= 0, sensor.per_degree, np.nan))
+    bar = figure.colorbar(drawn, ax=axes, shrink=0.8)
     bar.set_label("pixels per degree", color=MUTED)
     bar.ax.tick_params(colors=MUTED, length=0)
     bar.outline.set_visible(False)
-    for axes in (left, right):
-        axes.set_facecolor("none")
-        plain(axes)
-        axes.set_xlabel("column (pixels)")
-        axes.set_ylabel("row (pixels)")
-        axes.grid(visible=False)
     return to_svg(figure)
 
 
@@ -171,6 +166,17 @@ def _second_quality(found: Found) -> tuple[int, str, str]:
     name = max(weights, key=lambda n: (varies[n], weights[n], n == "baseline"))
     units = {"resolution": "pixels per degree", "baseline": "mm", "overlap": "% of the band"}
     return GOALS.index(name), units[name], name
+
+
+def _show(axes: Axes, analysis: Analysis, picture: NDArray[Any]) -> AxesImage:
+    """Show numbers or colours of the sensor's pixels, thinned to what a page can show."""
+    width, height = analysis.rig.size
+    thin = max(1, picture.shape[1] // _WIDEST_PICTURE)
+    axes.grid(visible=False)
+    axes.set_xlabel("column (pixels)")
+    axes.set_ylabel("row (pixels)")
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    return axes.imshow(picture[::thin, ::thin], extent=extent, interpolation="nearest", cmap="viridis")
 
 
 def _sensor_picture(analysis: Analysis) -> NDArray[np.uint8]:

@@ -11,12 +11,12 @@ from typing import Any
 from markupsafe import Markup
 
 from facetcam.design.analysis import Analysis, ViewFacts
-from facetcam.design.family import parameters
 from facetcam.design.optimal import OptimalCamera, first_mirror
 from facetcam.design.search import BASELINE_UNIT, RESOLUTION_UNIT, Found, Qualities
 from facetcam.design.spec import GOALS, DesignSpec
 from facetcam.design.tolerance import ToleranceReport
 from facetcam.viz import design_figures, mirror_images, rig_figures
+from facetcam.viz.design_words import azimuths, degrees, facts, mm, percent, place
 from facetcam.viz.pages import write_page
 
 _LISTED = 8  # parasitic paths named in the table
@@ -47,7 +47,7 @@ def design_context(report: DesignReport) -> dict[str, Any]:
         "verdict": verdict(analysis),
         "sees_horizon": analysis.horizon > 0.0,
         "tiles": tiles(report),
-        "facts": facts(report),
+        "facts": facts(analysis.rig, spec),
         "figures": figures(report),
         "views": {"head": VIEW_HEAD, "rows": [view_row(n, v) for n, v in analysis.views.items()]},
         "dead": [(cause, percent(share)) for cause, share in analysis.sensor.dead().items()],
@@ -91,11 +91,12 @@ def verdict(analysis: Analysis) -> str:
     words = (
         f"{seen} {percent(analysis.horizon)} of the horizon and {percent(analysis.sphere)} of all directions"
     )
-    words += (
-        f", {percent(analysis.overlap)} twice or more."
+    twice = (
+        f", {percent(analysis.overlap)} twice or more"
         if analysis.overlap > 0.0005
-        else "; no direction twice."
+        else "; no direction twice"
     )
+    words += f"{twice if count > 1 else ''}."
     if any(mirror.glass is not None for mirror in analysis.rig.mirrors.values()):
         words += " Mirrors behind glass count as thin here, their silver in the plane where light enters."
     if count == 1:
@@ -116,31 +117,23 @@ def tiles(report: DesignReport) -> list[tuple[str, str]]:
         ("of the sphere", percent(analysis.sphere)),
         ("of the sensor in use", percent(sum(v.sensor_share for v in analysis.views.values()))),
         ("pixels per degree", f"{max(v.per_degree[1] for v in analysis.views.values()):.1f}"),
-        ("between view centres, at most", mm(analysis.spread)),
     ]
+    if len(analysis.views) > 1:
+        found.append(("between view centres, at most", mm(analysis.spread)))
     if report.optimum:
         found.append(("longest focal length here", f"{next(iter(report.optimum.values())).focal:.0f} px"))
     return found
 
 
-def facts(report: DesignReport) -> dict[str, str]:
-    camera, spec = report.analysis.rig.camera, report.spec
-    drawn = dict(parameters(spec.family)) if spec.family is not None else {"rig": str(spec.rig)}
-    body = spec.body
-    return drawn | {
-        "camera": f"{camera.width} x {camera.height}, {camera.model}",
-        "focal length": f"{camera.fx:.1f} px",
-        "camera's body": f"{body.width * 1e3:.0f} x {body.height * 1e3:.0f} x {body.depth * 1e3:.0f} mm",
-        "mirrors": ", ".join(report.analysis.rig.mirrors) or "none",
-    }
-
-
 def figures(report: DesignReport) -> dict[str, Markup]:
     analysis, spec = report.analysis, report.spec
+    drawing = facts(analysis.rig, spec)  # stands beside the rig, and should be as high
     drawn = {
-        "rig": rig_figures.rig_figure(analysis, spec.body),
-        "cut": rig_figures.cut_figure(analysis, spec.family),
+        "rig": rig_figures.rig_figure(analysis, spec.body, min(5.6, 0.42 * len(drawing) + 0.5)),
+        "side": rig_figures.side_figure(analysis, spec.family, 1),
+        "front": rig_figures.side_figure(analysis, spec.family, 0),
         "sensor": design_figures.sensor_figure(analysis),
+        "density": design_figures.density_figure(analysis),
         "sphere": design_figures.sphere_figure(analysis),
     }
     if analysis.sensor.amid:
@@ -169,10 +162,10 @@ def view_row(name: str, view: ViewFacts) -> tuple[str, ...]:
         f"{view.solid_angle:.3f} sr",
         percent(view.solid_angle / (4 * math.pi)),
         percent(view.sensor_share),
-        degrees(view.azimuth),
+        azimuths(view.azimuth),
         degrees(view.elevation),
         "{:.1f} to {:.1f}".format(*view.per_degree[::2]),
-        ", ".join(f"{round(1e3 * c) + 0}" for c in view.centre) + " mm",
+        place(view.centre),
         "" if math.isnan(view.baseline) else mm(view.baseline),
     )
 
@@ -226,15 +219,3 @@ def search_context(found: Found | None) -> dict[str, Any] | None:
     ]
     head = ("", "score", "coverage", "pixels per degree", "baseline", "overlap")
     return {"words": words, "head": head, "rows": rows, "figure": Markup(design_figures.search_figure(found))}
-
-
-def percent(share: float) -> str:
-    return f"{100 * share:.1f} %"
-
-
-def mm(metres: float) -> str:
-    return f"{1e3 * metres:.0f} mm"
-
-
-def degrees(ends: tuple[float, float]) -> str:
-    return f"{math.degrees(ends[0]) + 0.0:.0f}° to {math.degrees(ends[1]) + 0.0:.0f}°"

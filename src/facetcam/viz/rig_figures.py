@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from facetcam.design.unfolding import body_faces
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.rig.tracing import Tracer
-from facetcam.viz.figures import CARD, ERROR_COLOUR, INK, MUTED, plain, to_svg
+from facetcam.viz.figures import CARD, ERROR_COLOUR, INK, MUTED, new_figure, to_svg
 from facetcam.viz.palette import view_colour
 from facetcam.viz.space import empty_space, frame_axes, on_page
 
@@ -25,29 +26,32 @@ Array = NDArray[np.float64]
 MM = 1000.0
 MIRROR_COLOUR, BODY_COLOUR = "#8a94a3", "#4a5362"
 _BOUNCES = 6
+_ALONE = 0.2  # metres
 _RAYS = 5  # drawn of each view
 _STRAY_LINES = ("-", "--", ":")  # of the parasitic paths drawn
+_LETTER, _LINE = 0.085, 0.19  # inches of a name, bold at 10 points
+_BOX = np.stack(np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 5)), axis=-1).reshape(-1, 2)
 _PAPER = {"facecolor": CARD, "alpha": 0.85, "edgecolor": "none", "pad": 1.0}  # under words amid rays
 
 
-def rig_figure(analysis: Analysis, body: Body) -> str:
-    """The rig in space: mirrors, camera, a few rays of each view, and the virtual cameras as open circles."""
+def rig_figure(analysis: Analysis, body: Body, height: float = 5.6) -> str:
+    """The rig in space, at most `height` inches high: mirrors, camera, rays; circles are virtual cameras."""
     rig = analysis.rig
-    figure, axes = empty_space(7.2, 5.6)
+    figure, axes = empty_space(7.2, height)
     shown = [_draw_solids(axes, rig, body)]
-    size, ends = float(np.ptp(shown[0], axis=0).max()), dict[str, Array]()
+    size, drawn = _size(rig), dict[str, list[Array]]()
     for index, name in enumerate(rig.views):
         colour = view_colour(index)
         paths = [ray_path(rig, ray, 0.55 * size) for ray in _spread_rays(analysis, name)]
         for path in paths:
             axes.plot(*(MM * path).T, color=colour, lw=1.1, alpha=0.9)
         shown += paths
-        ends[name] = np.array([path[-1] for path in paths])
+        drawn[name] = paths
         centre = MM * analysis.views[name].centre
         axes.plot(*centre[:, None], "o", ms=6, mfc="none", mec=colour, mew=1.6)
         shown.append(centre[None] / MM)
     frame_axes(axes, MM * np.vstack(shown))
-    _name_views(axes, ends, shown[0].mean(axis=0))
+    _name_views(axes, drawn)
     return to_svg(figure)
 
 
@@ -56,7 +60,7 @@ def stray_figure(analysis: Analysis, body: Body) -> str:
     rig, sensor = analysis.rig, analysis.sensor
     figure, axes = empty_space(6.4, 4.4)
     shown = [_draw_solids(axes, rig, body)]
-    size = float(np.ptp(shown[0], axis=0).max())
+    size = _size(rig)
     for style, (words, pixel) in zip(_STRAY_LINES, sensor.amid.items()):
         path = ray_path(rig, rig.camera.ray(pixel[None])[0], 0.8 * size)
         label = f"{words} ({100 * sensor.parasites[words]:.1f} %)"
@@ -67,38 +71,31 @@ def stray_figure(analysis: Analysis, body: Body) -> str:
     return to_svg(figure)
 
 
-def cut_figure(analysis: Analysis, family: Family | None) -> str:
-    """The rig from the side and from the front, with its rays and the sizes of the drawing.
+def side_figure(analysis: Analysis, family: Family | None, across: int) -> str:
+    """The rig from the side (`across` = 1) or the front (0), with its rays and the sizes of the drawing.
 
-    The rays are those of the middle column and row of the sensor; where these show too little (a camera that
+    The rays are those of the middle column or row of the sensor; where these show too little (a camera that
     stands askew), some of each view.
     """
-    from matplotlib.figure import Figure
-
     rig = analysis.rig
-    figure = Figure(figsize=(11.6, 4.0), layout="constrained", facecolor="none")
-    size = float(np.ptp(_corners(rig), axis=0).max())
-    for axes, across, words in zip(figure.subplots(1, 2), (1, 0), ("front", "right")):
-        axes.set_facecolor("none")
-        plain(axes)
-        for index, name in enumerate(rig.views):
-            rays = (
-                _middle_rays(analysis, index, across) if family is not None else _spread_rays(analysis, name)
-            )
-            for ray in rays:
-                path = MM * ray_path(rig, ray, 0.5 * size)
-                axes.plot(path[:, across], path[:, 2], color=view_colour(index), lw=1.0, alpha=0.75)
-        for mirror in rig.mirrors.values():
-            if mirror.polygon is not None:
-                ring = MM * np.vstack([mirror.polygon, mirror.polygon[:1]])
-                axes.fill(ring[:, across], ring[:, 2], color=MIRROR_COLOUR, alpha=0.13, lw=0)
-                axes.plot(ring[:, across], ring[:, 2], color=INK, lw=1.3)
-        axes.plot(MM * rig.T_rig_cam[across, 3], MM * rig.T_rig_cam[2, 3], "o", ms=7, color=INK)
-        if family is not None:
-            _dimensions(axes, family, across)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.set_xlabel(f"{words} (mm)")
-        axes.set_ylabel("up (mm)")
+    figure, axes = new_figure(5.8, 4.0)
+    size = _size(rig)
+    for index, name in enumerate(rig.views):
+        rays = _middle_rays(analysis, index, across) if family is not None else _spread_rays(analysis, name)
+        for ray in rays:
+            path = MM * ray_path(rig, ray, 0.5 * size)
+            axes.plot(path[:, across], path[:, 2], color=view_colour(index), lw=1.0, alpha=0.75)
+    for mirror in rig.mirrors.values():
+        if mirror.polygon is not None:
+            ring = MM * np.vstack([mirror.polygon, mirror.polygon[:1]])
+            axes.fill(ring[:, across], ring[:, 2], color=MIRROR_COLOUR, alpha=0.13, lw=0)
+            axes.plot(ring[:, across], ring[:, 2], color=INK, lw=1.3)
+    axes.plot(MM * rig.T_rig_cam[across, 3], MM * rig.T_rig_cam[2, 3], "o", ms=7, color=INK)
+    if family is not None:
+        _dimensions(axes, family, across)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(f"{('right', 'front')[across]} (mm)")
+    axes.set_ylabel("up (mm)")
     return to_svg(figure)
 
 
@@ -146,7 +143,8 @@ def _middle_rays(analysis: Analysis, index: int, across: int) -> Array:
 def _draw_solids(axes: Any, rig: Rig, body: Body) -> Array:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    last = {view.mirrors[-1]: i for i, view in enumerate(rig.views.values()) if view.mirrors}
+    chains = sorted(enumerate(view.mirrors for view in rig.views.values()), key=lambda c: -len(c[1]))
+    last = {chain[-1]: i for i, chain in chains if chain}  # of the shortest chain, where several end alike
     drawn = []
     for name, mirror in rig.mirrors.items():
         if mirror.polygon is not None:
@@ -164,17 +162,30 @@ def _draw_solids(axes: Any, rig: Rig, body: Body) -> Array:
     return np.vstack([*drawn, *faces])
 
 
-def _name_views(axes: Any, ends: dict[str, Array], middle: Array) -> None:
-    """Write each name where a ray of the view ends (N, 3), on paper far from the other names and the rig."""
-    taken = [on_page(axes, MM * middle[None])[0]]
-    for index, (name, places) in enumerate(ends.items()):
-        flat = on_page(axes, MM * places)
-        chosen = int(np.argmax(np.linalg.norm(flat[:, None] - np.array(taken), axis=2).min(axis=1)))
-        taken.append(flat[chosen])
-        axes.text(
-            *(MM * places[chosen]), name, color=view_colour(index), fontsize=10, fontweight="bold",
-            ha="center", bbox=_PAPER, zorder=20,
+def _name_views(axes: Any, paths: dict[str, list[Array]]) -> None:
+    """Write each name beyond the end of one of the view's rays (N, 3), where it hides least."""
+    inked = np.vstack([on_page(axes, MM * _dense(path)) for rays in paths.values() for path in rays])
+    box = axes.get_position()
+    inch = 1.0 / (box.width * axes.figure.get_size_inches()[0])  # on the page that the places are told in
+    page = (np.array([[0.0, 0.0], [1.0, 1.0]]) - (box.x0, box.y0)) / (box.width, box.height)
+    for index, (name, rays) in enumerate(paths.items()):
+        half = inch / 2 * np.array([_LETTER * (len(name) + 1), _LINE])
+        tips, before = (on_page(axes, MM * np.array([path[i] for path in rays])) for i in (-1, -2))
+        ahead = (tips - before) / np.maximum(np.linalg.norm(tips - before, axis=1, keepdims=True), 1e-9)
+        middles = np.clip(tips + 1.05 * half * ahead, page[0] + half, page[1] - half)
+        away = (np.abs(inked[None] - middles[:, None]) / half).max(axis=2)
+        chosen = max(range(len(rays)), key=lambda i: (-(away[i] < 1).sum(), away[i].min()))
+        inked = np.vstack([inked, middles[chosen] + half * _BOX])
+        axes.text2D(
+            *middles[chosen], name, transform=axes.transAxes, color=view_colour(index), fontsize=10,
+            fontweight="bold", ha="center", va="center", bbox=_PAPER, zorder=20,
         )  # fmt: skip
+
+
+def _dense(path: Array) -> Array:
+    """Points along a path (N, 3), close enough to tell what a word on it would hide."""
+    steps = np.linspace(0.0, 1.0, 60)[:, None]
+    return np.vstack([start + steps * (end - start) for start, end in pairwise(path)])
 
 
 def _dimensions(axes: Axes, family: Family, across: int) -> None:
@@ -215,6 +226,8 @@ def _dimensions(axes: Axes, family: Family, across: int) -> None:
     axes.annotate(tilt, (0.62 * radius, wide - 0.8 * room), color=INK, ha="right", va="center", fontsize=9)
 
 
-def _corners(rig: Rig) -> Array:
+def _size(rig: Rig) -> float:
+    """Metres across lens and bounded mirrors; a camera without any is given room for its rays."""
     polygons = [m.polygon for m in rig.mirrors.values() if m.polygon is not None]
-    return np.vstack([rig.T_rig_cam[None, :3, 3], *polygons])
+    corners = np.vstack([rig.T_rig_cam[None, :3, 3], *polygons])
+    return float(np.ptp(corners, axis=0).max()) if polygons else _ALONE
