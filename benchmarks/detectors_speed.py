@@ -95,6 +95,7 @@ def main() -> None:
         "SIICF, 3 scales": SIICF.create(threads=1).detect,
         "SIICF paper": SIICF.create(mode="paper").detect,
         "ORB": cv2.ORB.create().detect,
+        "ORB, FAST 5": cv2.ORB.create(1000, fastThreshold=5).detect,  # as in `evaluate detectors`
         "GFTT": cv2.GFTTDetector.create().detect,
         "AKAZE": extra.AKAZE.create().detect if hasattr(extra, "AKAZE") else cv2.AKAZE.create().detect,
         "SIFT": cv2.SIFT.create().detect,
