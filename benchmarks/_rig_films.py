@@ -107,6 +107,23 @@ FILMS = (
     Film("ryu, six faces", lambda: presets.ryu(faces=6, depth=0.045), LIVING, 0.0, frames=80, seed=18),
 )
 
+_FIVE = next(film for film in FILMS if film.name == "five wide faces").rig
+_STEREO = next(film for film in FILMS if film.name == "stereo adapter").rig
+
+# The same rigs elsewhere: nothing was ever chosen by these.
+ELSEWHERE = (
+    Film("ryu, rough, dining", lambda: with_lens(presets.ryu()), DINING, 1.0, seed=21),
+    Film("ryu, poor light, rough", lambda: with_lens(presets.ryu()), DINING, 1.0, POOR + BUILD, seed=22),
+    Film("ryu, poor light, living", presets.ryu, LIVING, 0.2, POOR + BUILD, seed=28),
+    Film("table, rough, living", lambda: presets.table(width=0.12, height=0.1), LIVING, 1.0, seed=23),
+    Film("table, bedroom", lambda: presets.table(width=0.12, height=0.1), BEDROOM, 0.2, seed=30),
+    Film("pyramid, dining", presets.pyramid, DINING[::-1], seed=24),
+    Film("pyramid, rough, living", presets.pyramid, LIVING, 1.0, seed=25),
+    Film("stereo adapter, bedroom", _STEREO, BEDROOM[::-1], 0.3, seed=26),
+    Film("five wide faces, dining", _FIVE, DINING, 0.3, seed=27),
+    Film("six faces, bedroom", lambda: presets.ryu(faces=6, depth=0.045), BEDROOM[::-1], 0.7, seed=29),
+)
+
 
 def path_of(film: Film) -> tuple[Array, Array]:
     """Times and poses: a drive along the film's way, over ramps and bumps, with pitch and roll."""
