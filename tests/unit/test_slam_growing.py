@@ -57,7 +57,7 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     for k, keyframe in enumerate(map.keyframes):
         keyframe.observations.point = np.array([k])
     moved = poses[-1].copy()
-    moved[:3, 3] += (0.0, 0.0, 0.5)
+    moved[:3, 3] += (0.0, 0.0, 0.2)
     seen = Measurements.none()
     fix = Fix(Pose(moved, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
     closer = LoopCloser(map, Stub(), config, Stub(), Stub(), Stub())  # type: ignore[arg-type]
@@ -81,4 +81,30 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     grower.grow(None, fix, None, Trajectory())  # type: ignore[arg-type]
     assert free == [True]
     assert grower.loops == 1
-    assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(moved[2, 3], abs=0.1)  # it was 0.5 off
+    assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(moved[2, 3], abs=0.04)  # it was 0.2 off
+
+
+@pytest.mark.parametrize(
+    ("away", "metric", "closes"), [(0.3, True, 1), (3.0, True, 0), (0.8, False, 1), (3.0, False, 0)]
+)
+def test_a_place_farther_off_than_the_map_can_be_is_a_look_alike(
+    monkeypatch: pytest.MonkeyPatch, away: float, metric: bool, closes: int
+) -> None:
+    """Four metres of way: no map that knows its scale is three metres off, nor one whose scale drifts."""
+    map, config = Map(), SlamConfig()
+    poses = np.tile(np.eye(4), (41, 1, 1))
+    poses[:, 1, 3] = np.linspace(0.0, 4.0, 41)
+    map.keyframes = [
+        Keyframe(k, float(k), T, Corners.none(), Stub(), None)  # type: ignore[arg-type]
+        for k, T in enumerate(poses)
+    ]
+    found = poses[-1].copy()
+    found[0, 3] += away
+    seen = Measurements.none()
+    fix = Fix(Pose(found, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
+    closer = LoopCloser(map, Stub(), config, Stub(), Stub(), Stub())  # type: ignore[arg-type]
+    monkeypatch.setattr(closer, "_tracked", lambda keyframe: None)
+    monkeypatch.setattr(closer, "_old_places", lambda keyframe: [np.array([0])])
+    monkeypatch.setattr(closer, "_verified", lambda keyframe, group: fix)
+    monkeypatch.setattr(closer, "_close", lambda *_: loops.Loop(40, 0, 50, away))
+    assert int(closer.close(map.keyframes[-1], metric) is not None) == closes

@@ -39,12 +39,22 @@ def world(seed: int, factor: float, count: int = 6000) -> World:
     return rows_of(bundle, ~away), rows_of(bundle, away), home[away]
 
 
-@pytest.mark.parametrize("factor", [0.82, 0.95, 1.0, 1.1, 1.2])
+@pytest.mark.parametrize("factor", [0.55, 0.82, 0.95, 1.0, 1.1, 1.2, 1.8])
 def test_other_views_tell_by_how_much_a_map_is_too_large(factor: float) -> None:
     found = scale_evidence(*world(1, factor), OPTICS, SIGMA)
     assert found.points > 30 and found.sigma < 0.02
     assert abs(found.stretch + np.log(factor)) < 3.0 * found.sigma
     assert np.isfinite(found.tested(0.001)) == (factor == 1.0)  # a map that is sure of itself is denied
+    assert (found.ahead > 10.0) == (factor != 1.0)
+
+
+def test_few_sightings_that_agree_make_another_scale_far_likelier() -> None:
+    """Twenty points, as a young map may have them."""
+    whole, away, home = world(6, 0.7)
+    few = np.isin(away.point, np.unique(away.point)[:: len(np.unique(away.point)) // 20])
+    found = scale_evidence(whole, rows_of(away, few), home[few], OPTICS, SIGMA)
+    assert 8 <= found.points < 30
+    assert abs(found.stretch + np.log(0.7)) < 3.0 * found.sigma and found.ahead > 10.0
 
 
 def test_a_third_of_wrong_sightings_does_not_change_it() -> None:

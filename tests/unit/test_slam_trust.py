@@ -12,7 +12,7 @@ from facetcam.slam.map import Keyframe
 from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.motion import Motion
 from facetcam.slam.pose import Pose
-from facetcam.slam.tracking import Fix, better
+from facetcam.slam.tracking import Fix, better, likelier
 from facetcam.slam.trust import Reckoning, Trust
 
 Array = NDArray[np.float64]
@@ -51,6 +51,17 @@ def test_a_look_alike_with_more_measurements_does_not_win() -> None:
     assert better(near, look_alike) is near
     assert better(None, look_alike) is look_alike
     assert better(near, fix([60, 0, 0, 20], [80, 0, 0, 30], SHARP)) is not near
+
+
+def test_a_likely_pose_where_the_rig_is_expected_yields_to_no_look_alike() -> None:
+    """Floors and walls repeat: the same tiles metres away may show more."""
+    near, elsewhere = fix([60, 20], [140, 50], SHARP), fix([90, 40], [140, 50], SHARP, position=3.4)
+    assert likelier(near, elsewhere) is near
+    beside = fix([90, 40], [140, 50], SHARP, position=0.1)
+    assert likelier(near, beside) is beside
+    unlikely = fix([20, 10], [140, 50], SHARP)
+    assert likelier(unlikely, elsewhere) is elsewhere
+    assert likelier(None, elsewhere) is elsewhere and likelier(near, None) is near
 
 
 def test_a_jump_needs_a_second_view_or_wheels() -> None:

@@ -120,6 +120,39 @@ def test_motion_is_found_behind_mirror_images() -> None:
     assert_motion(estimate_motion(pairs, optics), MOTION, degrees=0.1, direction=2.0)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_few_pairs_in_each_view_tell_a_motion_together(seed: int) -> None:
+    """Forty in each of three views, a quarter of them wrong."""
+    optics, rng = Optics(pyramid(), 8.0), np.random.default_rng([33, seed])
+    pairs = true_pairs(optics, MOTION, rng)
+    rows = np.concatenate(
+        [rng.permutation(np.flatnonzero(pairs.views == v))[:40] for v in range(optics.n_views)]
+    )
+    few = Pairs(pairs.views[rows], pairs.plane_a[rows], pairs.plane_b[rows])
+    assert len(few) == 120
+    T = estimate_motion(spoiled(few, optics, rng, 0.25, 0.2), optics)
+    assert_motion(T, MOTION, degrees=0.3, direction=3.0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wheels_are_turned_as_the_images_say_however_the_floor_tilts_the_rig(ryu: Optics, seed: int) -> None:
+    """A ramp pitches the rig by five degrees, of which wheels know nothing."""
+    rng = np.random.default_rng([34, seed])
+    level = se3.exp([0.0, 0.0, 0.03, 0.0, 0.3, 0.0])
+    tilted = level @ se3.exp([0.085, 0.02, 0.0, 0.0, 0.0, 0.0])
+    pairs = true_pairs(ryu, tilted, rng)
+    rows = rng.permutation(len(pairs))[:120]
+    few = Pairs(pairs.views[rows], pairs.plane_a[rows], pairs.plane_b[rows])
+    T = confirmed_motion(spoiled(few, ryu, rng, 0.2, 0.3), level, ryu)
+    assert_motion(T, tilted, degrees=0.4, direction=5.0)
+
+
+def test_wheels_and_images_that_go_different_ways_deny_each_other(ryu: Optics) -> None:
+    rng = np.random.default_rng(35)
+    pairs = spoiled(true_pairs(ryu, se3.exp([0.0, 0.0, 0.0, 0.3, 0.1, 0.0]), rng), ryu, rng, 0.1, 0.3)
+    assert confirmed_motion(pairs, se3.exp([0.0, 0.0, 0.0, 0.0, 0.3, 0.0]), ryu) is None
+
+
 def test_motion_of_one_camera_has_a_direction() -> None:
     optics, rng = Optics(single(), 8.0), np.random.default_rng(27)
     pairs = spoiled(true_pairs(optics, MOTION, rng), optics, rng, 0.15, 0.3)

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
-from facetcam.slam.two_frames import joint_motion, view_motions
+from facetcam.slam.proposals import view_motions
+from facetcam.slam.two_frames import joint_motion
 from facetcam.slam.witnesses import shares
 
 Array = NDArray[np.float64]

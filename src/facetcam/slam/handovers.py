@@ -26,12 +26,12 @@ from facetcam.slam.shutter import at_one_moment
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 13))  # patches are drawn in over the steps between
+_FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 31))  # patches are drawn in over the steps between
 _FEW_FACTORS = _FACTORS[::3]
 _NEAR = 12  # keyframes before and after, whose points are sought
 _ONE_PLACE = 1.0  # px
 _LEAST_FINDS = 2  # scales from which a point must be found at its place
-_LEAST_POINTS = 30  # that must bear another scale out before the map goes over to it
+_AHEAD = 10.0  # logarithm of how much likelier another scale must be before the map goes over to it
 
 
 class Handovers:
@@ -83,7 +83,7 @@ class Handovers:
         telling = self._telling()
         evidence = self._evidence(telling)
         denied = abs(evidence.stretch) > np.hypot(3.0 * evidence.sigma, self._config.metric_sigma)
-        if not evidence.points or (denied and evidence.points < _LEAST_POINTS):
+        if not evidence.points or (denied and evidence.ahead < _AHEAD):
             return
         with self._map.lock:
             if denied:

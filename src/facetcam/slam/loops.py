@@ -30,6 +30,9 @@ _CLOSING_WEIGHT = 5.0
 _LOST_WEIGHT = 0.1  # of a way that no points have measured, but wheels
 _SAME_PIXELS = 1.5
 _LEAST_PAIRS = 10
+_DRIFT = 0.1  # of the way since an old place, by which a map is off there at most
+_LOST_DRIFT = 0.5  # and where its scale drifts too, or wheels alone have measured a part of the way
+_NEARBY = 0.3  # metres by which it may be off in any case
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +121,7 @@ class LoopCloser:
         """Find the keyframe at an old place that it does not know to be at."""
         for group in self._old_places(keyframe):
             fix = self._verified(keyframe, group)
-            if fix is not None:
+            if fix is not None and self._within_drift(keyframe, group, fix, metric):
                 return self._close(keyframe, group, fix, metric)
         return None
 
@@ -148,6 +151,14 @@ class LoopCloser:
         if fix is None or not fix.sharp or not fix.likely or len(fix.seen) < _RETURNED:
             return None
         return fix
+
+    def _within_drift(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> bool:
+        """Tell whether the map can be as far off as an old place says: what repeats looks alike elsewhere."""
+        centres = self._map.poses()[int(group.min()) : keyframe.index + 1, :3, 3]
+        way = float(np.linalg.norm(np.diff(centres, axis=0), axis=1).sum())
+        gap = float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
+        share = _DRIFT if metric and not self._map.since else _LOST_DRIFT
+        return gap < _NEARBY + share * way
 
     def _close(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> Loop:
         """Bend the keyframes until the old and the new sight of the place agree, and join their points."""

@@ -43,6 +43,12 @@ class Pairs:
         return cls(a.views[rows_a], a.plane[rows_a], b.plane[rows_b])
 
     @classmethod
+    def linked(cls, a: Corners, b: Corners, hits: Index) -> Pairs:
+        """Pairs of the corners of a with those of b that `hits` (N,) names, -1 for none."""
+        rows = np.flatnonzero(hits >= 0)
+        return cls.of(a, rows, b, hits[rows])
+
+    @classmethod
     def none(cls) -> Pairs:
         """No pairs."""
         return cls(np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 2)))
@@ -70,6 +76,12 @@ class Pairs:
     def fit(self, T_a_b: Array, optics: Optics) -> NDArray[np.bool_]:
         """Pairs (N,) that a motion explains; (K, N) for K motions."""
         return np.asarray(np.abs(self.epipolar_errors(T_a_b, optics)) < EPIPOLAR_GATE)
+
+    def misfit(self, T_a_b: Array, optics: Optics) -> Array:
+        """Mean distance in pixels from what a motion says, cut off where a pair does not fit; (K,) for K."""
+        return np.asarray(
+            np.minimum(np.abs(self.epipolar_errors(T_a_b, optics)), EPIPOLAR_GATE).mean(axis=-1)
+        )
 
     def epipolar_errors(self, T_a_b: Array, optics: Optics) -> Array:
         """Signed Sampson distances (N,) in pixels from a motion of the rig; (K, N) for K motions."""
@@ -108,8 +120,8 @@ class Pairs:
         return np.bincount(good, minlength=optics.n_views)
 
 
-def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
-    """Corners of two frames that look alike, in the same view and not far from each other on it."""
+def alike(a: Corners, b: Corners, config: SlamConfig) -> Index:
+    """Row (N,) of the corner of b that looks like each of a, in the same view and not far from it, or -1."""
     hits = match_windowed(
         a.descriptors,
         a.pixels,
@@ -121,8 +133,12 @@ def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
         max_distance=config.match_distance,
         ratio=config.match_ratio,
     )
-    rows = np.flatnonzero(hits >= 0)
-    return Pairs.of(a, rows, b, hits[rows].astype(np.int64))
+    return np.asarray(hits, np.int64)
+
+
+def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
+    """Corners of two frames that look alike."""
+    return Pairs.linked(a, b, alike(a, b, config))
 
 
 def in_sight(a: Corners, pairs: Pairs) -> bool:

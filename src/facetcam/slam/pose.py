@@ -53,11 +53,11 @@ def generalized_pose(
     if len(points) < 4:
         return None, inliers
     rows = [np.flatnonzero(views == v) for v in used]
-    camera = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
+    camera = pinhole(optics)
     pose, info = poselib.estimate_generalized_absolute_pose(
         [plane[r] for r in rows],
         [points[r] for r in rows],
-        [_camera_pose(optics.T_view_rig[v], poselib) for v in used],
+        [camera_pose(optics.T_view_rig[v]) for v in used],
         [camera] * len(used),
         {"max_reproj_error": threshold, "min_iterations": 50, "max_iterations": 2000, "seed": 0},
         {"loss_type": "CAUCHY", "loss_scale": 1.0, "max_iterations": 25},
@@ -70,10 +70,20 @@ def generalized_pose(
     return np.round(se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), 9), inliers
 
 
-def _camera_pose(T: Array, poselib: Any) -> Any:
-    R = se3.assert_proper_rotation(T[:3, :3], "view for pose estimation")
+def pinhole(optics: Optics) -> dict[str, object]:
+    """PoseLib's description of the ideal pinhole of a view."""
+    return {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
+
+
+def camera_pose(T_view_rig: Array) -> Any:
+    """PoseLib's description of where a view is on the rig."""
+    import poselib
+
     pose = poselib.CameraPose()
-    pose.R, pose.t = R, T[:3, 3]
+    pose.R, pose.t = (
+        se3.assert_proper_rotation(T_view_rig[:3, :3], "view for pose estimation"),
+        T_view_rig[:3, 3],
+    )
     return pose
 
 

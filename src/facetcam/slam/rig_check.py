@@ -9,7 +9,8 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, match_corners
-from facetcam.slam.two_frames import joint_motion, view_motions
+from facetcam.slam.proposals import view_motions
+from facetcam.slam.two_frames import joint_motion
 
 Array = NDArray[np.float64]
 

@@ -15,12 +15,13 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Rows = NDArray[np.bool_]
 
-LARGEST = 0.28  # logarithm of the largest stretch that is told
+LARGEST = 0.7  # logarithm of the largest stretch that is told
 _VAGUE = 0.15  # error of one sighting's stretch, beyond which it says nothing
 _BY_CHANCE = 0.3  # share of the sightings that may be of something else
 _UNLIKE_CHANCE = 5.0  # logarithm of how much likelier the sightings must be than such by chance
 _LEAST_POINTS = 8
-_GRID = np.linspace(-LARGEST, LARGEST, 561)
+_GRID = np.linspace(-LARGEST, LARGEST, 1401)
+_ALIKE = 0.02  # stretches that are taken for one
 _WITHIN = 3.0  # sigmas
 _SHARED = 3.0  # standard deviations of the noise that errors which many sightings share may be large
 _STEPS = 4
@@ -39,12 +40,15 @@ class Evidence:
         That bear it out.
     agrees : (M,) bool array
         Sightings that do.
+    ahead : float
+        Logarithm of how much likelier it makes them than the scale of the map as it is.
     """
 
     stretch: float
     sigma: float
     points: int
     agrees: Rows
+    ahead: float = 0.0
 
     @classmethod
     def none(cls, count: int = 0) -> Evidence:
@@ -145,10 +149,11 @@ def _consensus(stretch: Array, sigma: Array, point: Index, good: Rows) -> Eviden
     agrees = np.zeros(len(stretch), dtype=bool)
     agrees[good] = np.abs(s - best) < _WITHIN * e
     points = len(np.unique(point[agrees]))
+    ahead = float(support.max() - support[np.abs(_GRID) < _ALIKE].max())
     if support.max() < _UNLIKE_CHANCE or points < _LEAST_POINTS:
         return nothing
     chosen = agrees[good]
     s, weight = s[chosen], vote[chosen] / e[chosen] ** 2
     mean = float(np.sum(weight * s) / weight.sum())
     excess = float(np.sum(weight * (s - mean) ** 2) / vote[chosen].sum())
-    return Evidence(mean, float(np.sqrt(max(excess, 1.0) / weight.sum())), points, agrees)
+    return Evidence(mean, float(np.sqrt(max(excess, 1.0) / weight.sum())), points, agrees, ahead)

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import views_aside
+from facetcam.slam.following import Links, follow
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs, in_sight, match_corners
+from facetcam.slam.pairs import Pairs, in_sight
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
@@ -43,10 +44,11 @@ _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that m
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """A frame before the map."""
+    """A frame before the map, with links from the corners of those before it."""
 
     frame: Frame
     odometry: Array | None
+    links: Links
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,9 @@ class Starter:
 
     def offer(self, frame: Frame, odometry: Array | None) -> Start | None:
         """Take one more frame; returns the start once there is one."""
-        self._waiting.append(Waiting(frame, odometry))
+        earlier = [self._corners(w.frame) for w in self._waiting[:-3:-1]]
+        links = Links.of(self._corners(frame), earlier, self._config)
+        self._waiting.append(Waiting(frame, odometry, links))
         showing = self._showing()
         while len(self._waiting) > 1:
             pairs = self._pairs(0)
@@ -108,9 +112,9 @@ class Starter:
         self._waiting, self._passed = [], []
 
     def _pairs(self, row: int) -> Pairs:
-        """Corners of a waiting frame that are found in the last one."""
+        """Corners of a waiting frame, followed to the last one."""
         a, b = (self._corners(self._waiting[r].frame) for r in (row, -1))
-        return match_corners(a, b, self._config)
+        return Pairs.linked(a, b, follow(len(a), [w.links for w in self._waiting[row:][1:]]))
 
     def _showing(self) -> Index:
         """Views with something to follow: what they show is found again in the next frame."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.features import match_windowed
+from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
@@ -28,6 +29,7 @@ _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
 _LEAST_IN_VIEW = 5  # measurements without which a view is no witness
 _BY_CHANCE = 0.2  # share of the predictions that any pose may find
 _VIEWS = 128  # at most
+_BESIDE = (0.2, 0.2)  # radians and metres within which two poses are one place
 _SHARP = (1.0, 0.7)  # px, and the share of the measurements that fit a right pose so well
 
 
@@ -106,7 +108,7 @@ class Tracker:
         if best is None:
             for T_world_rig in predicted:
                 best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig)))
-        return better(best, self._relocate(frame, *predicted[:1]))
+        return likelier(best, self._relocate(frame, *predicted[:1]))
 
     def record(self, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
@@ -182,6 +184,17 @@ class Tracker:
             2.0 * config.gate,
         )
         return T if inliers.sum() >= AGREEING else None
+
+
+def likelier(near: Fix | None, other: Fix | None) -> Fix | None:
+    """The better one, but for look-alikes elsewhere: a likely pose where the rig should be needs no other."""
+    elsewhere = near is not None and other is not None and near.likely and not _beside(near, other)
+    return near if elsewhere else better(near, other)
+
+
+def _beside(a: Fix, b: Fix) -> bool:
+    turn, way = np.linalg.norm(se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig).reshape(2, 3), axis=1)
+    return bool(turn < _BESIDE[0] and way < _BESIDE[1])
 
 
 def better(a: Fix | None, b: Fix | None) -> Fix | None:

@@ -12,6 +12,7 @@ from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import CLEAR_PARALLAX, EPIPOLAR_GATE, Pairs
+from facetcam.slam.proposals import joint_proposal, rig_motion, view_motions
 from facetcam.slam.witnesses import MIN_VIEW_MATCHES, dissenting, shares
 
 Array = NDArray[np.float64]
@@ -20,19 +21,18 @@ Index = NDArray[np.int64]
 MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _CLEAR_SHARE = 0.4  # of the pairs that must show it
-_UNKNOWN_DEPTH = 3.0  # metres: the median depth of a scene whose scale the images cannot tell
-_LENGTHS = np.geomspace(0.25, 4.0, 17)
 _EPIPOLAR_SIGMA = 0.5  # px
 _TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
-_FITTING = 0.8  # share of the matches that the right motion explains
+_FITTING = 0.7  # share of the matches that the right motion explains
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
 STANDING = 1e-4  # metres
 _MIN_CONFIRMING = 40  # pairs, fewer than a motion needs that the images alone have told
-_CONFIRMING = 0.6  # share of them
+_CONFIRMING = 0.7  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
+_MOST_ASIDE = 0.3  # radians by which they may correct its direction
 _MOST_STRETCHED = 2.0  # factor of its length
 
 
@@ -76,7 +76,7 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     pairs = pairs.without(standing_views(pairs))
     if len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
         return None
-    proposal = _joint_proposal(pairs, view_motions(pairs, optics), optics)
+    proposal = joint_proposal(pairs, view_motions(pairs, optics), optics)
     if proposal is None:
         return None
     agreeing, best = _agreed(pairs, proposal, optics)
@@ -111,10 +111,8 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
     pairs = pairs.without(standing_views(pairs))
     if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
         return T_a_b
-    proposals = [T_a_b, _on_the_spot(pairs, T_a_b, optics)]
-    polished = [_polished(T, pairs, optics) for T in proposals]
-    fitting = [float(np.mean(pairs.fit(T, optics))) for T in polished]
-    best = polished[int(np.argmax(fitting))]
+    polished = np.stack([_polished(T, pairs, optics) for T in _turned_otherwise(pairs, T_a_b, optics)])
+    best = polished[int(np.argmin(pairs.misfit(polished, optics)))]
     against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
     if against is None or len(against) or not _much_alike(best, T_a_b):
         pairs, best = _suiting_most(pairs, T_a_b, optics)
@@ -124,12 +122,22 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
     return best if confirmed and _much_alike(best, T_a_b) else None
 
 
+def _turned_otherwise(pairs: Pairs, T_a_b: Array, optics: Optics) -> list[Array]:
+    """A motion as it was measured, and with the turns that the images propose."""
+    proposals = [T_a_b, _on_the_spot(pairs, T_a_b, optics)]
+    whole = rig_motion(pairs, optics)
+    if whole is not None:
+        whole[:3, 3] *= np.linalg.norm(T_a_b[:3, 3])
+        proposals.append(whole)
+    return proposals
+
+
 def _suiting_most(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
     """Where views contradict each other: what one of them makes of a motion and most of them bear out."""
     proposals = [T_a_b]
     for view in shares(pairs.views, pairs.move())[0]:
         own = pairs.without(np.setdiff1d(pairs.views, view))
-        proposals += [_polished(T, own, optics) for T in (T_a_b, _on_the_spot(own, T_a_b, optics))]
+        proposals += [_polished(T, own, optics) for T in _turned_otherwise(own, T_a_b, optics)]
     alike = np.stack([T for T in proposals if _much_alike(T, T_a_b)])
     share = shares(pairs.views, pairs.fit(alike, optics))[1].sum(axis=-1)
     share -= np.array([_turned(T, T_a_b) for T in alike]) / _MOST_TURNED  # what measured it is a witness, too
@@ -143,8 +151,11 @@ def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
 
 def _much_alike(T: Array, T_measured: Array) -> bool:
     """False where the images would correct a motion so far that they rather deny it."""
-    stretched = float(np.linalg.norm(T[:3, 3]) / np.linalg.norm(T_measured[:3, 3]))
-    return _turned(T, T_measured) < _MOST_TURNED and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED
+    a, b = T[:3, 3], T_measured[:3, 3]
+    stretched = float(np.linalg.norm(a) / np.linalg.norm(b))
+    aside = float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+    alike = _turned(T, T_measured) < _MOST_TURNED and aside < _MOST_ASIDE
+    return alike and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED
 
 
 def _turned(T: Array, T_measured: Array) -> float:
@@ -152,25 +163,10 @@ def _turned(T: Array, T_measured: Array) -> float:
     return float(np.linalg.norm(se3.log(se3.inverse(T_measured) @ T)[:3]))
 
 
-def view_motions(pairs: Pairs, optics: Optics) -> dict[int, Array]:
-    """Motion of each view's pinhole by itself, of unit length, for the views with enough pairs."""
-    motions = {int(v): _view_motion(pairs, int(v), optics) for v in np.unique(pairs.views)}
-    return {v: T for v, T in motions.items() if T is not None}
-
-
 def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
     """Motion of the rig that suits most views, from what single views propose."""
-    best = _joint_proposal(pairs, proposals, optics)
+    best = joint_proposal(pairs, proposals, optics)
     return None if best is None else _polished(best, pairs, optics)
-
-
-def _joint_proposal(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
-    """Of the motions that single views propose the one that explains most of what each view shows."""
-    if not proposals:
-        return None
-    motions = np.stack([_with_length(T, view, pairs, optics) for view, T in proposals.items()])
-    share = shares(pairs.views, pairs.fit(motions, optics))[1].sum(axis=-1)
-    return np.asarray(motions[int(np.argmax(share))])
 
 
 def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
@@ -190,47 +186,3 @@ def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
         residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=_EPIPOLAR_SIGMA, max_nfev=30
     )
     return T_a_b @ se3.exp(solution.x)
-
-
-def _view_motion(pairs: Pairs, view: int, optics: Optics) -> Array | None:
-    """Motion of one view's pinhole with a translation of length one."""
-    import poselib
-
-    rows = pairs.views == view
-    if rows.sum() < MIN_VIEW_MATCHES:
-        return None
-    camera = {"model": "SIMPLE_PINHOLE", "width": 1, "height": 1, "params": [optics.focal, 0.0, 0.0]}
-    pose, _ = poselib.estimate_relative_pose(
-        pairs.plane_a[rows],
-        pairs.plane_b[rows],
-        camera,
-        camera,
-        {"max_epipolar_error": 1.0, "min_iterations": 200, "max_iterations": 2000, "seed": 0},
-        {},
-    )
-    length = float(np.linalg.norm(pose.t))
-    if not length > 1e-9:
-        return None
-    # PoseLib's last digits change from call to call, and with them all that follows.
-    return np.round(se3.inverse(se3.from_rotation_translation(pose.R, pose.t / length)), 9)
-
-
-def _with_length(T_unit: Array, view: int, pairs: Pairs, optics: Optics) -> Array:
-    """Motion of the rig from that of one view, with the length that suits all views."""
-
-    def rig_motion(length: float) -> Array:
-        T = T_unit.copy()
-        T[:3, 3] *= length
-        return np.asarray(optics.T_rig_view[view] @ T @ optics.T_view_rig[view])
-
-    distance, _ = pairs.parallax(rig_motion(1.0), optics)
-    ahead = distance[(distance > 0) & (distance < 1e3)]
-    usual = _UNKNOWN_DEPTH / max(float(np.median(ahead)), 1e-6) if len(ahead) else 1.0
-    best, best_cost = rig_motion(usual), np.inf
-    usual_first = _LENGTHS[np.argsort(np.abs(np.log(_LENGTHS)), kind="stable")]
-    motions = np.stack([rig_motion(usual * float(factor)) for factor in usual_first])
-    errors = np.abs(pairs.epipolar_errors(motions, optics))
-    for T, cost in zip(motions, np.minimum(errors, EPIPOLAR_GATE).mean(axis=1)):
-        if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
-            best, best_cost = T, cost
-    return best
