@@ -19,7 +19,7 @@ from facetcam.design.areas import view_areas
 from facetcam.design.family import make_rig
 from facetcam.design.holder import POST_RADIUS, holder, post_places, to_stl
 from facetcam.design.spec import Body, CameraSpec, DesignSpec, Family, Making, read_spec
-from facetcam.design.templates import parts_table, reflecting_side, templates, to_dxf, to_svg
+from facetcam.design.templates import bevels, parts_table, reflecting_side, templates, to_dxf, to_svg
 from facetcam.errors import ConfigError, FacetcamError
 from facetcam.rig import Mirror, Rig, presets
 
@@ -122,6 +122,18 @@ def test_the_bill_names_every_mirror_and_the_camera() -> None:
     assert [row[0] for row in rows] == ["part", *(f"mirror face{i}" for i in range(1, 6)), "camera"]
 
 
+def test_glass_of_neighbours_is_ground_to_meet() -> None:
+    # Faces of a square pyramid at 45 degrees: normals (1, 0, 1) and (0, 1, 1) are 60 degrees apart.
+    square = make_rig(replace(PYRAMID, family=Family(False, 4, 0.06, 45.0, 0.12, None, aspect=1.0)))
+    for name in square.mirrors:
+        ground = bevels(square, name)
+        assert len(ground) == 2 and list(ground.values()) == pytest.approx([math.radians(30)] * 2)
+    assert bevels(presets.ryu(), "base") == {}
+    assert len(bevels(presets.ryu(), "front")) == 2
+    for name in ("left", "right"):  # two mirrors that face each other
+        assert bevels(presets.table(), name) == {}
+
+
 @pytest.mark.parametrize("spec", [PAPER, PYRAMID, TRUNCATED, INSIDE])
 @pytest.mark.parametrize("thickness", [0.0, 2.0])
 def test_a_holder_is_watertight_and_carries_the_mirrors_in_their_planes(
@@ -167,7 +179,7 @@ def test_the_posts_stand_where_no_view_looks(spec: DesignSpec) -> None:
         )
         for side in range(4):
             (ax, ay), (bx, by) = ring[side], ring[(side + 1) % 4]
-            top = spec.family.height
+            top = spec.family.height + 0.006  # with mirrors 3 mm thick and the plate
             wall = [[ax, ay, 0], [bx, by, 0], [bx, by, top], [ax, ay, top]]
             blocks[f"post{i}{side}"] = Mirror.from_polygon("post", wall)
     behind = view_areas(replace(rig, mirrors={**rig.mirrors, **blocks}))
@@ -178,8 +190,11 @@ def test_the_posts_stand_where_no_view_looks(spec: DesignSpec) -> None:
 def test_what_cannot_be_made_is_said() -> None:
     rig = make_rig(PAPER)
     assert PAPER.family is not None
-    with pytest.raises(ConfigError, match="leave nothing behind"):
+    with pytest.raises(ConfigError, match="no room for a stem"):
         holder(rig, PAPER.family, PAPER.body, Making(thickness_mm=40.0))
+    flat = replace(PYRAMID, family=replace(PYRAMID.family, tilt_degrees=10.0, depth=0.005))
+    with pytest.raises(ConfigError, match="leave nothing behind"):
+        holder(make_rig(flat), flat.family, flat.body, Making(thickness_mm=0.0))
     with pytest.raises(ConfigError, match="no bounded mirror"):
         templates(replace(rig, mirrors={}, views={"v": rig.views["front"].__class__()}), Making())
     with pytest.raises(ConfigError, match="kerf_mm is -1; it must be between 0 and 10"):

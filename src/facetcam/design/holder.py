@@ -54,8 +54,12 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
     outline = MM * base_outline(family)
     posts = [corner + (POST_RADIUS + POST_GAP) * _unit(corner) for corner in outline]
     thickness = making.thickness_mm
+    back = thickness * math.cos(family.tilt)  # by which a facet's back edges lie beyond its front ones
     if family.fold:
-        wide, lowest = MM * family.height, MM * (family.height - _depth(family) * math.tan(family.tilt))
+        wide, lowest = (
+            MM * family.height + back,
+            MM * (family.height - _depth(family) * math.tan(family.tilt)),
+        )
         core = _behind_facets(rig, thickness, outline, lowest, wide + _BITE)
         top = core + _plate(outline, posts, wide, PLATE, holes=True)
         top = _with_camera_room(top, rig, family, body, thickness)
@@ -63,12 +67,12 @@ def holder(rig: Rig, family: Family, body: Body, making: Making) -> dict[str, Ma
             posts, -thickness - PLATE, wide + PLATE
         )
         return {"holder-facets": top, "holder-base": base}
-    tip = min(MM * (_depth(family) * math.tan(family.tilt)), MM * family.height)
+    rise = MM * _depth(family) * math.tan(family.tilt)
     # A blunt tip: many planes that meet in one point would leave slivers there.
-    blunt = tip - thickness / math.cos(family.tilt) - _BLUNT
-    core = _behind_facets(rig, thickness, outline, -_BITE, blunt)
-    height = MM * family.height
-    foot = core + _plate(outline, posts, -PLATE, PLATE) + _posts(posts, -PLATE, height + PLATE)
+    blunt = MM * family.radius * math.tan(family.tilt) - thickness / math.cos(family.tilt) - _BLUNT
+    core = _behind_facets(rig, thickness, outline, -back - _BITE, min(rise - back, blunt))
+    foot_level, height = -back - PLATE, MM * family.height
+    foot = core + _plate(outline, posts, foot_level, PLATE) + _posts(posts, foot_level, height + PLATE)
     bridge = _plate(outline, posts, height, PLATE, holes=True)
     lens = 0.4 * MM * min(body.width, body.height)
     bridge = bridge - _cylinder(np.zeros(2), lens, height - 1.0, PLATE + 2.0)
@@ -115,7 +119,9 @@ def _behind_facets(rig: Rig, thickness: float, outline: Array, low: float, high:
     columns = np.column_stack([half_spaces[:, :3], np.linalg.norm(half_spaces[:, :3], axis=1)])
     ball = linprog([0, 0, 0, -1], columns, -half_spaces[:, 3], bounds=[(None, None)] * 3 + [(0, None)])
     if not ball.success or ball.x is None or ball.x[3] < _THINNEST / 2:
-        raise ConfigError(f"holder: mirrors {thickness:g} mm thick leave nothing behind them to print")
+        raise ConfigError(
+            f"holder: facets as low as these, {thickness:g} mm thick, leave nothing behind them to print"
+        )
     corners = HalfspaceIntersection(half_spaces, ball.x[:3]).intersections
     # Corners where more than three planes meet are given several times over.
     first = np.unique(corners.round(3), axis=0, return_index=True)[1]
@@ -145,7 +151,7 @@ def _with_camera_room(top: Manifold, rig: Rig, family: Family, body: Body, thick
         for sy in (-1, 1)
     ]
     shaft = Manifold.hull_points(np.array(above + below)) + _box(
-        half + 0.5, front, MM * family.height + PLATE + 1.0
+        half + 0.5, front, MM * family.height + thickness + PLATE + 1.0
     )
     return top - shaft
 

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 MM = 1000.0
 _MARGIN = 12.0  # mm round a template
+_TOUCHING = 1e-5  # metres between corners that two mirrors share
 _SIDE = "FIRST SURFACE: THIS SIDE"
 
 
@@ -164,12 +165,35 @@ def parts_table(rig: Rig, found: list[Template], making: Making) -> list[tuple[s
             f"first-surface mirror, {making.thickness_mm:g} mm thick, {size[0]:.1f} x {size[1]:.1f} mm, "
             f"{template.area:.1f} cm2; edges {edges} mm; corners {corners} degrees"
         )
+        ground = {name: math.degrees(angle) for name, angle in bevels(rig, template.name).items()}
+        if ground and making.thickness_mm > 0:
+            what += "; its back ground off at " + ", ".join(f"{d:.1f} (to {n})" for n, d in ground.items())
+            what += " degrees from the square edge, so that the glass of neighbours meets"
         rows.append((f"mirror {template.name}", "1", what))
     camera = rig.camera
     rows.append(
         ("camera", "1", f"{camera.width} x {camera.height} pixels, focal length {camera.fx:.0f} pixels")
     )
     return rows
+
+
+def bevels(rig: Rig, name: str) -> dict[str, float]:
+    """Angle in radians by which edges shared with other mirrors are ground off, lest their glass overlaps.
+
+    Half the angle between the faces; none where the faces look at each other, for there the backs part.
+    """
+    own, normal = rig.mirrors[name].polygon, reflecting_side(rig, name)
+    assert own is not None
+    found = {}
+    for other, mirror in rig.mirrors.items():
+        if other == name or mirror.polygon is None:
+            continue
+        gaps = np.linalg.norm(mirror.polygon[:, None] - own, axis=2).min(axis=1)
+        leans_back = float(((mirror.polygon - own[0]) @ normal).min()) < -_TOUCHING
+        if (gaps < _TOUCHING).sum() == 2 and leans_back:
+            between = float(np.clip(normal @ reflecting_side(rig, other), -1.0, 1.0))
+            found[other] = math.acos(between) / 2
+    return found
 
 
 def _flat(mirror: Mirror, normal: Array) -> Array:
