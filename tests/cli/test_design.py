@@ -91,6 +91,8 @@ def test_the_shipped_designs(facetcam: Facetcam, name: str, tmp_path: Path) -> N
         ("family: {camera_height: 0.079}\ncamera: {focal: 1250}", "stands in mirror"),
         ("family: {depth: 0}", "depth 0 have no area"),
         ("family: {radius: 0}", "radius is 0; it must be above zero"),
+        ("family: {radius: 67.5}", "radius is 67.5 m, no mirror's size; give metres, 0.0675 for 67.5 mm"),
+        ("camera: {focal: 20}\nfamily: {faces: 4}", "longer focal length, or --no-tolerance"),
         ("family: {faces: 2}", "faces make a rig, got 2"),
         ("family: {camera_height: 0.11}\ncamera: {focal: 700}", "opening of 60 x 15 mm is too small"),
         ("family: {}\nrig: preset:ryu", "either family"),

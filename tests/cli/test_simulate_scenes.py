@@ -186,6 +186,16 @@ def test_a_missing_picture_is_said(studio: Path, facetcam: Facetcam) -> None:
     assert "model.gltf: texture lost.png and 5 more is missing; shown in a flat colour" in said
 
 
+def test_files_that_an_obj_names_and_lacks_are_said(studio: Path, facetcam: Facetcam) -> None:
+    scene = studio / "room.obj"
+    scene.write_text(
+        "mtllib the room.mtl\nusemtl a\nv 2 -2 0\nv 2 2 0\nv 2 2 3\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+    )
+    assert "room.obj: materials the room.mtl is missing" in filmed(studio, facetcam, scene, "plain.yaml")[1]
+    (studio / "the room.mtl").write_text("newmtl a\nmap_Kd lost wall.png\n")
+    assert "room.obj: texture lost wall.png is missing" in filmed(studio, facetcam, scene, "plain.yaml")[1]
+
+
 def test_a_scene_beyond_memory_is_refused_and_large_pictures_shrink(
     studio: Path, facetcam: Facetcam, monkeypatch: pytest.MonkeyPatch
 ) -> None:

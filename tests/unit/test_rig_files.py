@@ -122,6 +122,11 @@ MISTAKES = [
     ),
     ("mirrors: [floor]", "mirrors: floor", "view 'up': mirrors: expected a list"),
     ("  up:", "  ../up:", "view '../up': name it with letters"),
+    (
+        "[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]",
+        "[-99, -1, 0], [99, -1, 0], [99, 1, 0], [-99, 1, 0]",
+        "mirror 'floor' would be 198 m wide; give its corners in metres",
+    ),
     ("  up: {mirrors: [floor]}", "  {}", "views: a rig takes 1 to 127 views"),
     (
         "wall: {plane:",

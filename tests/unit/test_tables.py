@@ -63,6 +63,10 @@ class TestTum:
             ("# only a comment\n", "no data"),
             ("0 0 0 0 0 0 0\n", "line 1: expected 8 values"),
             ("0 0 0 0 0 0 0 1\n1 0 0 x 0 0 0 1\n", "line 2: 'x' is not a number"),
+            (
+                "timestamp tx ty tz qx qy qz qw\n",
+                "line 1: 'timestamp' is not a number; a line of names begins with #",
+            ),
             ("0 0 0 nan 0 0 0 1\n", "line 1: a value is not finite"),
             ("1 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "times must increase"),
             ("0 0 0 0 0 0 0 0\n", "quaternion at 0.000000 s has length 0, not 1"),

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 _CLEARANCE = 1e-3  # metres between the lens and any mirror, at least
 _ROUNDING = 1e-6
 _MOST_FACES = 24
+_LARGEST = 10.0  # metres
 _FLATTEST = 1.0  # degrees between a facet and level, or upright
 
 
@@ -86,6 +87,12 @@ def _check_numbers(family: Family) -> None:
         value = getattr(family, name)
         if not (math.isfinite(value) and value > 0):
             raise RigError(f"family: {name} is {value:g}; it must be above zero and finite")
+    for name in ("radius", "height", "camera_height"):
+        if (value := getattr(family, name)) > _LARGEST:
+            raise RigError(
+                f"family: {name} is {value:g} m, no mirror's size; "
+                f"give metres, {value / 1e3:g} for {value:g} mm"
+            )
     if not 3 <= family.faces <= _MOST_FACES:
         raise RigError(f"family: 3 to {_MOST_FACES} faces make a rig, got {family.faces}")
     if not _FLATTEST <= family.tilt_degrees <= 90 - _FLATTEST:

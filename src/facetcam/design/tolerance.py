@@ -157,7 +157,10 @@ def _samples(rig: Rig, name: str, area: Area, rng: np.random.Generator) -> Array
         seen = pixels[area.sees(rays @ area.R.T) & rays.any(axis=1)]
         if len(seen) >= 16:
             return rng.permutation(seen)[: 2 * _POINTS]
-    raise ConfigError(f"tolerance: view '{name}' has too few pixels to be sampled")
+    raise ConfigError(
+        f"tolerance: view '{name}' has too few pixels to be judged; "
+        "give a longer focal length, or --no-tolerance"
+    )
 
 
 def _seam_shift(rig: Rig, name: str, cut: float) -> float:

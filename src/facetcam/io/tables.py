@@ -81,7 +81,8 @@ def _numbers(row: list[str], columns: str, separator: str | None, where: str) ->
     try:
         values = [float(field) for field in row]
     except ValueError as error:
-        raise SourceError(f"{where}: {str(error).rsplit(': ', 1)[-1]} is not a number") from None
+        hint = "; a line of names begins with #" if row == columns.split(separator) else ""
+        raise SourceError(f"{where}: {str(error).rsplit(': ', 1)[-1]} is not a number{hint}") from None
     if not np.all(np.isfinite(values)):
         raise SourceError(f"{where}: a value is not finite")
     return values

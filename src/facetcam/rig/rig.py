@@ -21,6 +21,8 @@ from facetcam.rig.visibility import Visibility
 
 Array = NDArray[np.float64]
 
+_LARGEST = 50.0  # metres across a bounded mirror
+
 
 @dataclass(frozen=True, eq=False)
 class Rig:
@@ -197,7 +199,16 @@ class Rig:
         return inside
 
     def check(self) -> None:
-        """Raise RigError, with the reason, if a view has no pixel on the raw frame that sees the room."""
+        """Raise RigError, with the reason, if a view has no pixel on the raw frame that sees the room.
+
+        Or if a mirror is so large that its file must be in millimetres.
+        """
+        for name, mirror in self.mirrors.items():
+            if (
+                mirror.polygon is not None
+                and (size := float(np.ptp(mirror.polygon, axis=0).max())) > _LARGEST
+            ):
+                raise RigError(f"mirror '{name}' would be {size:g} m wide; give its corners in metres")
         self._visibility.check()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.errors import FacetcamError, SourceError
-from facetcam.simulation import gltf
+from facetcam.simulation import gltf, wavefront
 from facetcam.simulation.meshes import Material, Mesh, joined
 from facetcam.simulation.scene_materials import material_of, tints_of
 from facetcam.simulation.settings import LampSettings
@@ -63,7 +63,8 @@ def read_scene(path: Path, scale: float | None = None, up: str = "z") -> SceneFi
     if not meshes:
         raise SourceError(f"{path}: no triangle in the scene; export it with its meshes")
     lamps, warnings = gltf.lamps(content, loaded.graph)
-    warnings = [*gltf.absent_pictures(content, path.parent), *gltf.left_out(content), *warnings]
+    absent = gltf.absent_pictures(content, path.parent) or wavefront.absent_files(path)
+    warnings = [*absent, *gltf.left_out(content), *warnings]
     if plain:
         warnings.append(f"{plain} of {len(meshes)} meshes have no texture; shown in a flat colour")
     mesh = joined(meshes)

@@ -33,7 +33,7 @@ Array = NDArray[np.floating]
 
 def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None, unit: str = "m") -> str:
     """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (N, 3) from above, in `unit`."""
-    figure, axes = new_figure(6.8, 5.2)
+    figure, axes = new_figure(6.8, 6.2)
     plane = ground(path)
     if len(cloud):
         seen = near(cloud[:, plane], path[:, plane])
