@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from facetcam.errors import OutputError
+from facetcam.io import film_writer
 from facetcam.io.film_writer import write_film
 from facetcam.io.sources import open_source
 
@@ -24,6 +25,19 @@ def test_frames_come_back_in_order_at_their_times(tmp_path: Path) -> None:
     written, found = np.array(frames, dtype=int), np.array([frame.image for frame in read], dtype=int)
     assert np.abs(found - written).mean() < 5.0  # FFmpeg's colour conversion alone costs 3
     assert np.abs(found[1:] - written[:-1]).mean() > 15.0
+
+
+def test_a_film_does_not_depend_on_the_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain C code of the encoder, which takes no short cuts of any processor, makes the same film."""
+    noise = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    rough = cv2.GaussianBlur(noise, (0, 0), 1)
+    frames = [np.roll(rough, 3 * k, axis=1) for k in range(24)]
+    write_film(tmp_path / "film.mp4", frames, 10)
+    monkeypatch.setitem(film_writer.QUALITY, "x264-params", "no-asm=1")
+    write_film(tmp_path / "plain.mp4", frames, 10)
+    film, plain = (list(open_source(tmp_path / name)) for name in ("film.mp4", "plain.mp4"))
+    for a, b in zip(film, plain, strict=True):
+        np.testing.assert_array_equal(a.image, b.image)
 
 
 @pytest.mark.parametrize(("frames", "message"), [([], "no frame"), ([np.zeros((5, 4, 3), np.uint8)], "even")])
