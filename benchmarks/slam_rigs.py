@@ -27,6 +27,7 @@ from slam import MAX_GAP, Run, live_error
 from facetcam.evaluation.trajectory import associate
 from facetcam.geometry import se3
 from facetcam.io.trajectories import read_tum
+from facetcam.slam.map_file import read_map
 
 Array = NDArray[np.float64]
 
@@ -53,15 +54,16 @@ class Honesty:
     median: float
 
 
-def honesty(states: Path, first: Array, truth: Path) -> Honesty:
-    """Judge the live poses of a run whose first keyframe is at `first`, both against the first keyframe."""
+def honesty(states: Path, map: Path, truth: Path) -> Honesty:
+    """Judge the live poses of a run against the first keyframe of its map, as their covariances are told."""
     with states.open() as file:
         rows = [r for r in csv.DictReader(file) if r["tx"] and r["cov_tz_tz"]]
     poses = np.stack([_pose(r) for r in rows])
     times, true = read_tum(truth)
     own, ones = associate(np.array([float(r["timestamp"]) for r in rows]), times, MAX_GAP)
-    base = se3.inverse(true[int(np.argmin(np.abs(times - first[0])))])
-    began = se3.inverse(_pose_of(first))
+    arrays = read_map(map)[1]
+    base = se3.inverse(true[int(np.argmin(np.abs(times - arrays["keyframes.timestamp"][0])))])
+    began = se3.inverse(arrays["keyframes.T_world_rig"][0])
     nees = []
     for i, j in zip(own, ones):
         error = se3.log(se3.inverse(base @ true[j]) @ began @ poses[i])
@@ -70,12 +72,8 @@ def honesty(states: Path, first: Array, truth: Path) -> Honesty:
 
 
 def _pose(row: dict[str, str]) -> Array:
-    return _pose_of(np.array([0.0, *(float(row[k]) for k in ("tx", "ty", "tz", "qx", "qy", "qz", "qw"))]))
-
-
-def _pose_of(line: Array) -> Array:
-    """Pose from a line of a TUM file."""
-    return se3.from_rotation_translation(Rotation.from_quat(line[4:]).as_matrix(), line[1:4])
+    line = np.array([float(row[k]) for k in ("tx", "ty", "tz", "qx", "qy", "qz", "qw")])
+    return se3.from_rotation_translation(Rotation.from_quat(line[3:]).as_matrix(), line[:3])
 
 
 def _covariance(row: dict[str, str]) -> Array:
@@ -94,7 +92,8 @@ def measure(film: Film, cache: Path, rig: str, wheels: bool) -> list[str]:
     command = Run(name, rig=f"{film.slug}/{rig}", odometry=odometry, **files).command(cache, out)
     done = call(command, capture_output=True, text=True)
     if done.returncode:
-        return [name, "", done.stderr.strip().splitlines()[-1]]
+        print(f"{name}: {done.stderr.strip().splitlines()[-1]}")
+        return [name, "0 %"]
     summary = json.loads((out / "summary.json").read_text())
     for warning in summary["warnings"]:
         print(f"{name}: {warning}")
@@ -107,7 +106,7 @@ def figures(summary: dict[str, Any], out: Path, truth: Path) -> list[str]:
     tracked = f"{100 * summary['tracked'] / summary['frames']:.0f} %"
     if not errors:
         return [tracked, "no path"]
-    judged = honesty(out / "states.csv", np.loadtxt(out / "trajectory.tum")[0], truth)
+    judged = honesty(out / "states.csv", out / "map.facetmap", truth)
     known = "" if sigma is None else f" ± {100 * sigma:.2g} %"
     return [
         tracked,

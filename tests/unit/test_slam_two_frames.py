@@ -16,7 +16,7 @@ from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
-from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion
+from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion, standing_views
 
 Array = NDArray[np.float64]
 
@@ -151,6 +151,18 @@ def test_wheels_and_images_that_go_different_ways_deny_each_other(ryu: Optics) -
     rng = np.random.default_rng(35)
     pairs = spoiled(true_pairs(ryu, se3.exp([0.0, 0.0, 0.0, 0.3, 0.1, 0.0]), rng), ryu, rng, 0.1, 0.3)
     assert confirmed_motion(pairs, se3.exp([0.0, 0.0, 0.0, 0.0, 0.3, 0.0]), ryu) is None
+
+
+def test_two_views_that_stand_against_two_that_move_leave_the_images_undecided(ryu: Optics) -> None:
+    """Frozen images, or a rig at rest with people before two views: wheels know, the images do not."""
+    rng = np.random.default_rng(36)
+    pairs = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.1, 0.3)
+    still = (pairs.views < 2)[:, None]
+    frozen = Pairs(pairs.views, pairs.plane_a, np.where(still, pairs.plane_a, pairs.plane_b))
+    assert standing_views(frozen).tolist() == [0, 1]
+    assert estimate_motion(frozen, ryu) is None
+    T = confirmed_motion(frozen, MOTION @ se3.exp([0.03, 0.0, 0.02, 0.0, 0.0, 0.0]), ryu)
+    assert_motion(T, MOTION, degrees=0.3, direction=6.0)
 
 
 def test_motion_of_one_camera_has_a_direction() -> None:

@@ -147,7 +147,7 @@ class LoopCloser:
         if T is None or matched < self._config.min_inliers:
             return None
         ids = self._map.observed_points([self._map.keyframes[k] for k in group])
-        fix = self._tracker.locate(keyframe.frame, T, ids)
+        fix = self._tracker.locate(keyframe.frame, T, ids, keyframe.velocity)
         if fix is None or not fix.sharp or not fix.likely or len(fix.seen) < _RETURNED:
             return None
         return fix

@@ -50,6 +50,13 @@ class Motion:
     _step: float = 0.0  # seconds it took
     _reckoning: Reckoning | None = None  # of a lost rig
 
+    @property
+    def velocity(self) -> Array:
+        """Right-hand twist (6,) a second of the last step; zero where the rig is lost."""
+        if self.lost_frames or not self._step:
+            return np.zeros(6)
+        return np.asarray(se3.log(self._T_step) / self._step)
+
     def begin(self, start: Start) -> None:
         """A map was started from two frames; those in between have poses, too."""
         for timestamp, fix in start.solved:

@@ -160,7 +160,8 @@ class Slam:
             predictions = self._motion.predictions(frame.timestamp, odometry)
             with self._timed("track"):
                 proven = self.odometry_check.agrees
-                fix = self._tracker.find(frame, *(predictions if proven else predictions[::-1]))
+                likeliest = predictions if proven else predictions[::-1]
+                fix = self._tracker.find(frame, *likeliest, velocity=self._motion.velocity)
             found = fix is not None and self._trust.believes(
                 fix,
                 self._motion.reckoned(odometry),

@@ -17,12 +17,14 @@ from facetcam.slam.measure import Measurements, Predictions, measure, predict, t
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
 from facetcam.slam.relocalisation import AGREEING, Relocaliser
+from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _NEAR_KEYFRAMES = 10
 _WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
+_AT_REST = np.zeros(6)
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
@@ -94,21 +96,23 @@ class Tracker:
         self._corners = corners
         self._relocaliser = relocaliser
 
-    def find(self, frame: Frame, *predicted: Array) -> Fix | None:
+    def find(self, frame: Frame, *predicted: Array, velocity: Array = _AT_REST) -> Fix | None:
         """Pose of a frame near one of its predictions, the likeliest first; there may be none.
+
+        `velocity` is the right-hand twist (6,) a second while the shutter rolls.
 
         Where patches agree poorly more of the map is tried, and the descriptors are asked too, first near the
         prediction, then at the places of the map that look like the frame.
         """
         best = None
         for T_world_rig in predicted:
-            best = better(best, self.locate(frame, T_world_rig))
+            best = better(best, self.locate(frame, T_world_rig, velocity=velocity))
             if best is not None and best.clear:
                 return best
         if best is None:
             for T_world_rig in predicted:
-                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig)))
-        return likelier(best, self._relocate(frame, *predicted[:1]))
+                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
+        return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
     def record(self, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
@@ -124,7 +128,9 @@ class Tracker:
     def _wide_points(self, T_world_rig: Array) -> Index:
         return self._map.observed_points(self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES))
 
-    def locate(self, frame: Frame, predicted: Array, ids: Index | None = None) -> Fix | None:
+    def locate(
+        self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = _AT_REST
+    ) -> Fix | None:
         """Pose from map points, or some of them, whose patches are aligned near their predictions."""
         points, config = self._map.points, self._config
         ids = self._local_points(predicted) if ids is None else ids
@@ -133,20 +139,20 @@ class Tracker:
         seen, _ = measure(frame, expected, points, self._optics, config)
         if len(seen) < config.min_inliers:
             return None
-        pose = refine_pose(
-            predicted, points.xyz[seen.point], seen.view, seen.plane, self._optics, config.pixel_sigma
-        )
+        xyz, readout = points.xyz[seen.point], self._map.readout
+        plane = at_one_moment(predicted, velocity, xyz, seen.view, seen.pixels, readout, self._optics)
+        pose = refine_pose(predicted, xyz, seen.view, plane, self._optics, config.pixel_sigma)
         fits = pose.residuals < config.gate
         if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
             return None
         fix = Fix(pose, expected, seen.take(fits))
         return fix if fix.borne_out else None
 
-    def _relocate(self, frame: Frame, *predicted: Array) -> Fix | None:
+    def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
         best = None
         for T in self._proposals(frame, *predicted):
-            fix = self.locate(frame, T)
+            fix = self.locate(frame, T, velocity=velocity)
             if fix is not None and fix.clear and fix.sharp:
                 return fix
             best = better(best, fix)

@@ -13,13 +13,14 @@ from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import CLEAR_PARALLAX, EPIPOLAR_GATE, Pairs
 from facetcam.slam.proposals import joint_proposal, rig_motion, view_motions
-from facetcam.slam.witnesses import MIN_VIEW_MATCHES, dissenting, shares
+from facetcam.slam.witnesses import dissenting, shares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
+_BEARING_OUT = 20  # pairs of other views
 _CLEAR_SHARE = 0.4  # of the pairs that must show it
 _EPIPOLAR_SIGMA = 0.5  # px
 _TWIST_STEP = 1e-6  # radians, metres
@@ -54,16 +55,28 @@ def _borne_out(good: Index, several: bool) -> bool:
     """A wall close to one view is a plane, which leaves a motion ambiguous, and a person before it moves by
     himself: another view must bear it out, if there is one that could.
     """
-    return not several or bool(good.sum() - good.max() >= MIN_VIEW_MATCHES)
+    return not several or bool(good.sum() - good.max() >= _BEARING_OUT)
 
 
 def standing_views(pairs: Pairs) -> Index:
-    """Views that show no motion where most views do: parts of the robot, or an image that is frozen.
+    """Views that show no motion where at least as many do: parts of the robot, or an image that is frozen.
 
     Any translation explains pairs that do not move, so these views would bear out what they know nothing of.
     """
-    standing = dissenting(pairs.views, pairs.move(), _MOVING)
-    return np.empty(0, np.int64) if standing is None else standing
+    witnesses, stand = _standing(pairs)
+    return witnesses[stand] if 2 * stand.sum() <= len(stand) else witnesses[:0]
+
+
+def _standing(pairs: Pairs) -> tuple[Index, NDArray[np.bool_]]:
+    """Views that can tell, and which of them show no motion."""
+    witnesses, share = shares(pairs.views, pairs.move())
+    return witnesses, share < _MOVING
+
+
+def _undecided(pairs: Pairs) -> bool:
+    """Tell whether as many views stand as move: images are frozen, or people walk before a rig at rest."""
+    stand = _standing(pairs)[1]
+    return bool(len(stand)) and bool(2 * stand.sum() == len(stand))
 
 
 def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Array | None:
@@ -73,8 +86,8 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     which all views agree best; the proposal that most views bear out wins, without the views that deny it.
     `several` tells that more than one view has something to show, though it may not be found again here.
     """
-    pairs = pairs.without(standing_views(pairs))
-    if len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
+    undecided, pairs = _undecided(pairs), pairs.without(standing_views(pairs))
+    if undecided or len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
         return None
     proposal = joint_proposal(pairs, view_motions(pairs, optics), optics)
     if proposal is None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Rows = NDArray[np.bool_]
 
-MIN_VIEW_MATCHES = 20  # pairs without which a view is no witness
+MIN_VIEW_MATCHES = 12  # pairs without which a view is no witness
 
 
 def shares(views: NDArray[np.int8], says: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
