@@ -20,12 +20,13 @@ Index = NDArray[np.int64]
 
 MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
-_BEARING_OUT = 20  # pairs of other views
+_LEAST_GOOD = 30  # pairs with parallax that fit a motion
+_BEARING_OUT = 12  # of other views
 _CLEAR_SHARE = 0.4  # of the pairs that must show it
 _EPIPOLAR_SIGMA = 0.5  # px
 _TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
-_FITTING = 0.7  # share of the matches that the right motion explains
+_FITTING = 0.75  # share of the matches that the right motion explains
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
@@ -98,7 +99,7 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
     fitting = float(np.mean(agreeing.fit(best, optics)))
-    return best if fitting > _FITTING and good.sum() >= MIN_MATCHES and borne_out else None
+    return best if fitting > _FITTING and good.sum() >= _LEAST_GOOD and borne_out else None
 
 
 def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
