@@ -8,22 +8,28 @@ import pytest
 from calibration_worlds import boards, disturbed, sightings_of
 
 from facetcam.calibration import BoardSet
-from facetcam.calibration.result import Finding
-from facetcam.calibration.scale import wrong_scale
+from facetcam.calibration.result import Calibration, Finding
+from facetcam.calibration.scale import refuse_far_scale, wrong_scale
 from facetcam.calibration.solve import solve
+from facetcam.errors import FacetcamError
 from facetcam.rig import presets
 
 RIG, SET = presets.ryu(), boards(8, True)
 
 
-def found(factor: float, tilt_deg: float, shift: float) -> list[Finding]:
-    """What is said of the scale if the squares are said to be `factor` times as large as they are."""
+def solved(factor: float, tilt_deg: float, shift: float) -> tuple[Calibration, BoardSet]:
+    """The rig if the squares are said to be `factor` times as large as they are."""
     told = BoardSet(
         tuple(replace(b, square=factor * b.square, marker=factor * b.marker) for b in SET.boards), SET.fixed
     )
     drawing = disturbed(RIG, tilt_deg, shift, 0.01, 3)
-    solved = solve(drawing, told, sightings_of(RIG, SET, 12, 0.1))
-    return [*solved.findings, *wrong_scale(solved.fit, told)]
+    return solve(drawing, told, sightings_of(RIG, SET, 12, 0.1)), told
+
+
+def found(factor: float, tilt_deg: float, shift: float) -> list[Finding]:
+    """What is said of it."""
+    calibration, told = solved(factor, tilt_deg, shift)
+    return [*calibration.findings, *wrong_scale(calibration.fit, told)]
 
 
 @pytest.mark.parametrize(
@@ -40,3 +46,16 @@ def test_squares_of_a_wrong_size_are_named(factor: float, within: float) -> None
 @pytest.mark.parametrize(("tilt_deg", "shift"), [(0.1, 0.0002), (1.0, 0.002)])
 def test_a_rig_unlike_its_drawing_is_not_blamed_on_squares(tilt_deg: float, shift: float) -> None:
     assert not found(1.0, tilt_deg, shift)
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+def test_a_rig_far_off_its_size_is_refused(factor: float) -> None:
+    calibration, told = solved(factor, 0.1, 0.0002)
+    with pytest.raises(FacetcamError, match=r"no rig is written.* mm would fit .*boards\.yaml"):
+        refuse_far_scale(calibration.fit, told)
+
+
+@pytest.mark.parametrize(("factor", "tilt_deg", "shift"), [(1.06, 0.1, 0.0002), (1.0, 1.0, 0.002)])
+def test_a_rig_near_its_size_is_not_refused(factor: float, tilt_deg: float, shift: float) -> None:
+    calibration, told = solved(factor, tilt_deg, shift)
+    refuse_far_scale(calibration.fit, told)

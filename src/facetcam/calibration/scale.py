@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.result import Finding
+from facetcam.errors import FacetcamError
 
 _FEWEST = 3  # distances that tell a common scale from one mirror that is off
 _LEAST = 0.02  # of a difference that is worth a word
@@ -51,6 +52,19 @@ def out_of_scale(fit: Fit) -> bool:
     """Tell whether all views stand much farther apart than drawn, or much nearer."""
     ratios = _ratios(fit)
     return bool(len(ratios) and (ratios.min() > _NEAR or ratios.max() < 1 / _NEAR))
+
+
+def refuse_far_scale(fit: Fit, boards: BoardSet) -> None:
+    """Refuse a rig far from the size drawn: none is built so, and every map by it would be as far off.
+
+    Raises
+    ------
+    FacetcamError
+        With the size of the squares that would fit.
+    """
+    found = wrong_scale(fit, boards)
+    if found and out_of_scale(fit):
+        raise FacetcamError(f"no rig is written: {found[0].text}, and correct boards.yaml or the drawing")
 
 
 def _ratios(fit: Fit) -> NDArray[np.float64]:

@@ -137,13 +137,14 @@ def run_calibration(
 
 def solved(seen: Seen, second: SecondLook, stage: Stage) -> Calibration:
     """The joint solve, from the drawing, or from the photos alone."""
-    from facetcam.calibration.scale import wrong_scale
+    from facetcam.calibration.scale import refuse_far_scale, wrong_scale
     from facetcam.calibration.solve import solve
 
     if seen.rig is None:
         return _from_photos(seen, second, stage)
     with stage("solving") as progress:
         found = solve(seen.rig, seen.boards, seen.sightings, second, progress)
+    refuse_far_scale(found.fit, seen.boards)
     return replace(found, findings=(*found.findings, *wrong_scale(found.fit, seen.boards)))
 
 
