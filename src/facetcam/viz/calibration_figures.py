@@ -114,7 +114,7 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
         titled(
             axes,
             entry.view,
-            f"{np.nanmedian(entry.sigma_px):.3f} px\n{np.nanmedian(entry.sigma_mm):.2f} mm",
+            f"{_two_digits(entry.sigma_px)} px\n{_two_digits(entry.sigma_mm)} mm",
         )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
@@ -196,3 +196,9 @@ def titled(axes: Axes, name: str, words: str) -> None:
 
 def _of_view(calibration: Calibration, name: str) -> list[FittedSighting]:
     return [f for f in calibration.sightings if f.sighting.view == name]
+
+
+def _two_digits(values: Array) -> str:
+    """Their median with the two digits that count, however small, and never in powers of ten."""
+    middle = float(np.nanmedian(values))
+    return np.format_float_positional(middle, precision=2, fractional=False, trim="-")
