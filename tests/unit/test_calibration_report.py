@@ -15,7 +15,7 @@ from facetcam.calibration.quality import Flatness, MirrorDeviation, UncertaintyM
 from facetcam.calibration.result import Calibration, Finding, FittedSighting, Parameters, Unknown
 from facetcam.rig import Rig
 from facetcam.viz.calibration_page import CalibrationReport, PhotoRow, crop_of, write_calibration_report
-from facetcam.viz.calibration_words import verdict
+from facetcam.viz.calibration_words import deviation_row, digits_of, verdict
 
 NOISE = 0.05
 
@@ -126,3 +126,18 @@ def test_the_verdict_is_good_only_when_nothing_speaks_against_it() -> None:
 @pytest.mark.parametrize("noise", [0.05, 0.5])
 def test_the_rms_is_that_of_the_corners_kept(noise: float) -> None:
     assert abs(calibration(noise).rms() - noise * math.sqrt(2)) < 0.1 * noise
+
+
+@pytest.mark.parametrize(
+    ("sigma", "least", "digits"),
+    [(0.0021, 3, 4), (2.1e-6, 5, 7), (0.3, 3, 3), (12.0, 2, 2), (math.nan, 5, 5)],
+)
+def test_sigmas_of_good_rigs_keep_two_digits_that_count(sigma: float, least: int, digits: int) -> None:
+    assert digits_of(sigma, least) == digits
+
+
+def test_mirrors_are_told_as_finely_as_they_are_known() -> None:
+    assert deviation_row(MirrorDeviation("m", 0.51234, 1.0, 0.00042, 0.0031))[1:] == [
+        "0.51234° ± 0.00042",
+        "+1.0000 mm ± 0.0031",
+    ]

@@ -12,6 +12,7 @@ from facetcam.rig.covariance import GLASS
 from facetcam.viz.wording import BAD, FAIR, GOOD, plural
 
 AGREE = 1.0  # pixels up to which two halves of a set agree
+_MOST_DIGITS = 9
 NOISE_RATIO = 1.6  # held-out error in noises above which the model misses something
 
 
@@ -89,12 +90,20 @@ def number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
+def digits_of(sigma: float, least: int) -> int:
+    """Digits after the point that show two of a sigma that count; `least` where it is large, or none."""
+    if not (math.isfinite(sigma) and sigma > 0.0):
+        return least
+    return min(max(least, 1 - math.floor(math.log10(sigma))), _MOST_DIGITS)
+
+
 def deviation_row(d: MirrorDeviation) -> list[str]:
     """A mirror's name, tilt and shift; nothing measured where the photos do not tell."""
     if not (math.isfinite(d.tilt_sigma_deg) or math.isfinite(d.shift_sigma_mm)):
         return [d.mirror, "as drawn: not determined", "as drawn: not determined"]
-    tilt = f"{d.tilt_deg:.3f}° ± {number(d.tilt_sigma_deg, 3)}"
-    return [d.mirror, tilt, f"{d.shift_mm:+.2f} mm ± {number(d.shift_sigma_mm, 2)}"]
+    n, m = digits_of(d.tilt_sigma_deg, 3), digits_of(d.shift_sigma_mm, 2)
+    tilt = f"{d.tilt_deg:.{n}f}° ± {number(d.tilt_sigma_deg, n)}"
+    return [d.mirror, tilt, f"{d.shift_mm:+.{m}f} mm ± {number(d.shift_sigma_mm, m)}"]
 
 
 def camera_rows(calibration: Calibration) -> list[list[str]]:
@@ -104,7 +113,7 @@ def camera_rows(calibration: Calibration) -> list[list[str]]:
     for name, unit, value, sigma in zip(p.names, p.units, p.value, p.sigma, strict=True):
         mirrors, _, word = name.rpartition(": ")
         if not mirrors or word in GLASS:
-            digits = 3 if unit else 5
+            digits = digits_of(float(sigma), 3 if unit else 5)
             shown = number(float(sigma), digits) if math.isfinite(sigma) else "not determined"
             label = f"glass of {mirrors}: {word}" if mirrors else name
             rows.append([label, f"{value:.{digits}f} {unit}".rstrip(), shown])
