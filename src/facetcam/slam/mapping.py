@@ -22,6 +22,7 @@ from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_NONE = np.empty(0, np.int64)
 _OCCUPIED = 5.0  # px round an observed point in which no new one is made
 _UNTOLD = 3  # times as many images as the window's are kept until hand-overs tell the scale
 _PARTNERS = 4  # keyframes against which a new one is triangulated
@@ -57,9 +58,18 @@ class Mapper:
         self.denied = False
 
     def insert(
-        self, frame: Frame, T_world_rig: Array, seen: Measurements, odometry: Array | None, gate: float
+        self,
+        frame: Frame,
+        T_world_rig: Array,
+        seen: Measurements,
+        odometry: Array | None,
+        gate: float,
+        aside: Index = _NONE,
     ) -> Keyframe:
-        """Make a keyframe, give its free corners a depth, and adjust the window around it."""
+        """Make a keyframe, give its free corners a depth, and adjust the window around it.
+
+        Views set `aside` give no points.
+        """
         lock = self._map.lock
         corners = self._corners(frame)
         with lock:
@@ -69,6 +79,7 @@ class Mapper:
             self._occupy(keyframe)
             window = self._adjuster.window
             self._doubt(keyframe, window[:-1])
+            keyframe.free &= ~np.isin(keyframe.corners.views, aside)
         for partner in reversed(window[-1 - _PARTNERS : -1]):
             if partner.frame is not None:
                 with lock:

@@ -125,7 +125,7 @@ class Starter:
         """Start a map from a waiting frame and the last one, if they can."""
         passed, waiting = [*self._passed, *self._waiting[:row]], self._waiting[row:]
         for T_first_new in self._motions(waiting, pairs, showing):
-            start = self._first_map(passed, waiting, T_first_new)
+            start = self._first_map(passed, waiting, T_first_new, standing_views(pairs))
             if start is not None:
                 self.forget()
                 return start
@@ -149,13 +149,18 @@ class Starter:
         if seen is not None:
             yield seen
 
-    def _first_map(self, passed: list[Waiting], waiting: list[Waiting], T_first_new: Array) -> Start | None:
-        """Make two keyframes and try the map on the frames between them; forget it where it fails."""
+    def _first_map(
+        self, passed: list[Waiting], waiting: list[Waiting], T_first_new: Array, aside: Index
+    ) -> Start | None:
+        """Make two keyframes and try the map on the frames between them; forget it where it fails.
+
+        What stands in both has no depth, or is no part of the world: views set `aside` give no points.
+        """
         first, new = waiting[0], waiting[-1]
         origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
         a = self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, START_GATE)
         b = self._mapper.insert(
-            new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE
+            new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE, aside
         )
         self._mapper.seek_scale()
         solved, share = self._between(a, b, waiting)
