@@ -110,7 +110,7 @@ FILMS = (
 _FIVE = next(film for film in FILMS if film.name == "five wide faces").rig
 _STEREO = next(film for film in FILMS if film.name == "stereo adapter").rig
 
-# The same rigs elsewhere: nothing was ever chosen by these.
+# The same rigs elsewhere.
 ELSEWHERE = (
     Film("ryu, rough, dining", lambda: with_lens(presets.ryu()), DINING, 1.0, seed=21),
     Film("ryu, poor light, rough", lambda: with_lens(presets.ryu()), DINING, 1.0, POOR + BUILD, seed=22),
