@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from slam_worlds import winding_path
 
 from facetcam.slam import loops
@@ -20,6 +21,8 @@ from facetcam.slam.pose import Pose
 from facetcam.slam.scale_evidence import Evidence
 from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
+
+Array = NDArray[np.float64]
 
 SOON = 5.0
 
@@ -47,23 +50,36 @@ def tracked_meanwhile(map: Map) -> bool:
     return done.wait(SOON)
 
 
-def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
-    map, config, poses = Map(), SlamConfig(), winding_path(40)
+def driven(poses: Array) -> Map:
+    """A map with keyframes at poses (K, 4, 4)."""
+    map = Map()
     map.keyframes = [
         Keyframe(k, float(k), T, Corners.none(), Stub(), None)  # type: ignore[arg-type]
         for k, T in enumerate(poses)
     ]
-    map.points.extend(xyz=np.zeros((len(poses), 3)))
-    for k, keyframe in enumerate(map.keyframes):
-        keyframe.observations.point = np.array([k])
-    moved = poses[-1].copy()
-    moved[:3, 3] += (0.0, 0.0, 0.2)
+    return map
+
+
+def returning(monkeypatch: pytest.MonkeyPatch, map: Map, off: tuple[float, float, float]) -> LoopCloser:
+    """One that finds the last keyframe at the first one's place, so far off where the map has it."""
+    T = map.keyframes[-1].T_world_rig.copy()
+    T[:3, 3] += off
     seen = Measurements.none()
-    fix = Fix(Pose(moved, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
-    closer = LoopCloser(map, Stub(), config, Stub(), Stub(), Stub())  # type: ignore[arg-type]
+    fix = Fix(Pose(T, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
+    closer = LoopCloser(map, Stub(), SlamConfig(), Stub(), Stub(), Stub())  # type: ignore[arg-type]
     monkeypatch.setattr(closer, "_tracked", lambda keyframe: None)
     monkeypatch.setattr(closer, "_old_places", lambda keyframe: [np.array([0])])
     monkeypatch.setattr(closer, "_verified", lambda keyframe, group: fix)
+    return closer
+
+
+def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
+    map = driven(winding_path(40))
+    map.points.extend(xyz=np.zeros((40, 3)))
+    for k, keyframe in enumerate(map.keyframes):
+        keyframe.observations.point = np.array([k])
+    should = map.keyframes[-1].T_world_rig[2, 3] + 0.2
+    closer = returning(monkeypatch, map, (0.0, 0.0, 0.2))
     monkeypatch.setattr(closer, "_join", lambda keyframe, ids: None)
     free: list[bool] = []
     relax = loops.relax
@@ -76,12 +92,12 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     mapper = Stub(insert=map.keyframes[-1])
     mapper.handovers = Stub(take_up=None, evidence=Evidence.none())
     adjuster = Stub(adjust_coarsely=None, adjust_all=None, judge=0.001)
-    grower = Grower(map, Stub(add=None), mapper, adjuster, closer, config)  # type: ignore[arg-type]
+    grower = Grower(map, Stub(add=None), mapper, adjuster, closer, SlamConfig())  # type: ignore[arg-type]
     grower.scale_sigma = 0.001
-    grower.grow(None, fix, None, Trajectory())  # type: ignore[arg-type]
+    grower.grow(None, closer._verified(None, None), None, Trajectory())  # type: ignore[arg-type]
     assert free == [True]
     assert grower.loops == 1
-    assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(moved[2, 3], abs=0.04)  # it was 0.2 off
+    assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(should, abs=0.04)  # it was 0.2 off
 
 
 @pytest.mark.parametrize(
@@ -91,20 +107,9 @@ def test_a_place_farther_off_than_the_map_can_be_is_a_look_alike(
     monkeypatch: pytest.MonkeyPatch, away: float, metric: bool, closes: int
 ) -> None:
     """Four metres of way: no map that knows its scale is three metres off, nor one whose scale drifts."""
-    map, config = Map(), SlamConfig()
     poses = np.tile(np.eye(4), (41, 1, 1))
     poses[:, 1, 3] = np.linspace(0.0, 4.0, 41)
-    map.keyframes = [
-        Keyframe(k, float(k), T, Corners.none(), Stub(), None)  # type: ignore[arg-type]
-        for k, T in enumerate(poses)
-    ]
-    found = poses[-1].copy()
-    found[0, 3] += away
-    seen = Measurements.none()
-    fix = Fix(Pose(found, np.eye(6), np.empty(0)), seen, seen)  # type: ignore[arg-type]
-    closer = LoopCloser(map, Stub(), config, Stub(), Stub(), Stub())  # type: ignore[arg-type]
-    monkeypatch.setattr(closer, "_tracked", lambda keyframe: None)
-    monkeypatch.setattr(closer, "_old_places", lambda keyframe: [np.array([0])])
-    monkeypatch.setattr(closer, "_verified", lambda keyframe, group: fix)
+    map = driven(poses)
+    closer = returning(monkeypatch, map, (away, 0.0, 0.0))
     monkeypatch.setattr(closer, "_close", lambda *_: loops.Loop(40, 0, 50, away))
     assert int(closer.close(map.keyframes[-1], metric) is not None) == closes

@@ -156,17 +156,15 @@ class LoopCloser:
         """Tell whether the map can be as far off as an old place says: what repeats looks alike elsewhere."""
         centres = self._map.poses()[int(group.min()) : keyframe.index + 1, :3, 3]
         way = float(np.linalg.norm(np.diff(centres, axis=0), axis=1).sum())
-        gap = float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
         share = _DRIFT if metric and not self._map.since else _LOST_DRIFT
-        return gap < _NEARBY + share * way
+        return _gap(keyframe, fix) < _NEARBY + share * way
 
     def _close(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> Loop:
         """Bend the keyframes until the old and the new sight of the place agree, and join their points."""
         keyframes = self._map.keyframes
         shared = [int(np.isin(keyframes[k].observations.point, fix.seen.point).sum()) for k in group]
         old = int(group[np.argmax(shared)])
-        gap = float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
-        growth = 1.0 if metric else self._growth(keyframe, fix)
+        gap, growth = _gap(keyframe, fix), 1.0 if metric else self._growth(keyframe, fix)
         poses = self._map.poses()
         i, j, weight = self._ties()
         edges = Edges.between(i, j, poses, weight).plus(
@@ -213,6 +211,11 @@ class LoopCloser:
         new, old = pairs_at_same_pixels(keyframe, seen)
         keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)
         merge_points(self._map, self._places, new, old)
+
+
+def _gap(keyframe: Keyframe, fix: Fix) -> float:
+    """Metres between where the map put a keyframe and where an old place does."""
+    return float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
 
 
 def pairs_at_same_pixels(keyframe: Keyframe, seen: Measurements) -> tuple[Index, Index]:

@@ -80,10 +80,8 @@ def camera_pose(T_view_rig: Array) -> Any:
     import poselib
 
     pose = poselib.CameraPose()
-    pose.R, pose.t = (
-        se3.assert_proper_rotation(T_view_rig[:3, :3], "view for pose estimation"),
-        T_view_rig[:3, 3],
-    )
+    pose.R = se3.assert_proper_rotation(T_view_rig[:3, :3], "view for pose estimation")
+    pose.t = T_view_rig[:3, 3]
     return pose
 
 

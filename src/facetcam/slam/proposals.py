@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import EPIPOLAR_GATE, Pairs
+from facetcam.slam.pairs import Pairs
 from facetcam.slam.pose import camera_pose, pinhole
 from facetcam.slam.witnesses import MIN_VIEW_MATCHES, shares
 
@@ -107,8 +107,7 @@ def _with_length(rig_motion: Callable[[float], Array], pairs: Pairs, optics: Opt
     best, best_cost = rig_motion(usual), np.inf
     usual_first = _LENGTHS[np.argsort(np.abs(np.log(_LENGTHS)), kind="stable")]
     motions = np.stack([rig_motion(usual * float(factor)) for factor in usual_first])
-    errors = np.abs(pairs.epipolar_errors(motions, optics))
-    for T, cost in zip(motions, np.minimum(errors, EPIPOLAR_GATE).mean(axis=1)):
+    for T, cost in zip(motions, pairs.misfit(motions, optics)):
         if cost < 0.98 * best_cost:  # a flat cost keeps the usual length
             best, best_cost = T, cost
     return best

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.viz.calibration_words import digits_of, number
 from facetcam.viz.figures import BAR_COLOUR, ERROR_COLOUR, INK, LINE, MUTED, TRUTH_COLOUR, to_svg
 from facetcam.viz.palette import view_colour
 
@@ -114,7 +115,7 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
         titled(
             axes,
             entry.view,
-            f"{_two_digits(entry.sigma_px)} px\n{_two_digits(entry.sigma_mm)} mm",
+            f"{_middle(entry.sigma_px)} px\n{_middle(entry.sigma_mm)} mm",
         )
     if drawn is not None:
         bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
@@ -156,10 +157,10 @@ def panels_of(shown: Mapping[str, Array]) -> tuple[Figure, dict[str, Axes]]:
     figure = Figure(figsize=(_WIDTH, len(rows) * (height + 0.45)), layout="constrained", facecolor="none")
     panels = {}
     grid = figure.add_gridspec(len(rows), 1)
-    for number, (row, ratios) in enumerate(zip(rows, aspects)):
+    for index, (row, ratios) in enumerate(zip(rows, aspects)):
         # What narrow views leave of the row stays empty at its end.
         rest = max(_WIDTH / height - sum(ratios), 1e-3)
-        cells = grid[number].subgridspec(1, len(row) + 1, width_ratios=[*ratios, rest])
+        cells = grid[index].subgridspec(1, len(row) + 1, width_ratios=[*ratios, rest])
         for column, (name, points) in enumerate(row):
             axes = figure.add_subplot(cells[column], facecolor="none", aspect="equal", anchor="W")
             axes.set_xticks([])
@@ -198,7 +199,7 @@ def _of_view(calibration: Calibration, name: str) -> list[FittedSighting]:
     return [f for f in calibration.sightings if f.sighting.view == name]
 
 
-def _two_digits(values: Array) -> str:
-    """Their median with the two digits that count, however small, and never in powers of ten."""
-    middle = float(np.nanmedian(values))
-    return np.format_float_positional(middle, precision=2, fractional=False, trim="-")
+def _middle(sigmas: Array) -> str:
+    """Their median, with the two digits that count."""
+    middle = float(np.nanmedian(sigmas))
+    return number(middle, digits_of(middle, 0))

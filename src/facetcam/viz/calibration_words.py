@@ -12,8 +12,8 @@ from facetcam.rig.covariance import GLASS
 from facetcam.viz.wording import BAD, FAIR, GOOD, plural
 
 AGREE = 1.0  # pixels up to which two halves of a set agree
-_MOST_DIGITS = 9
 NOISE_RATIO = 1.6  # held-out error in noises above which the model misses something
+_MOST_DIGITS = 9
 
 
 def verdict(calibration: Calibration, validation: Validation | None) -> str:
