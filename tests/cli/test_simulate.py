@@ -154,6 +154,8 @@ def test_boards_are_seen_in_every_view(studio: Path, facetcam: Facetcam) -> None
     resized(Rig.load("preset:ryu"), 0.5).save(studio / "large.yaml")
     call = arguments(studio, "boards")
     call[3] = studio / "large.yaml"
+    cut = facetcam(*call, "--boards", "2", "--max-frames", "1")
+    assert cut.exit_code == 1 and "--max-frames is for films" in cut.stderr
     result = facetcam(*call, "--boards", "2")
     assert result.exit_code == 0, result.output
     out = studio / "boards"

@@ -87,6 +87,8 @@ def read_simulation_inputs(options: Options) -> SimulationInputs:
     """Read everything, the scene last; raises FacetcamError if something is wrong or does not fit."""
     if (options.trajectory is None) == (options.drive is None):
         raise FacetcamError("simulate: give either --trajectory or --drive, the path of the rig")
+    if options.boards and options.max_frames is not None:
+        raise FacetcamError("simulate: --max-frames is for films; --boards says how many photos there are")
     config = load_config(SimulationConfig, options.settings)
     drawn = Rig.load(options.rig)
     drawn.check()
