@@ -36,6 +36,7 @@ _CONFIRMING = 0.7  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
 _MOST_ASIDE = 0.3  # radians by which they may correct its direction
 _MOST_STRETCHED = 2.0  # factor of its length
+_MOST_COLLAPSED = 4.0  # factor of a proposed length: lengths proposed span as much
 
 
 def enough_parallax(
@@ -94,12 +95,18 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     if proposal is None:
         return None
     agreeing, best = _agreed(pairs, proposal, optics)
-    if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics):
+    if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics) or _collapsed(best, proposal):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
     fitting = float(np.mean(agreeing.fit(best, optics)))
     return best if fitting > _FITTING and good.sum() >= _LEAST_GOOD and borne_out else None
+
+
+def _collapsed(T_a_b: Array, T_proposed: Array) -> bool:
+    """Tell whether pairs drive a length to nothing, or beyond all bounds: the turn alone explains them."""
+    lengths = [np.linalg.norm(T[:3, 3]) for T in (T_a_b, T_proposed)]
+    return bool(max(lengths) > _MOST_COLLAPSED * min(lengths))
 
 
 def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
