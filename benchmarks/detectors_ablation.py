@@ -1,4 +1,4 @@
-"""SIICF with one ingredient changed at a time, and with other thresholds: protocol B.
+"""SIICF with one ingredient changed at a time, with other thresholds, and spread evenly: protocol B.
 
 The threshold decides how many weak corners take part in the top 1000, so ingredients are better compared by
 the top 300, in which it plays no part.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 from _common import data_folder, photographs, show
 
@@ -16,6 +17,7 @@ from facetcam.evaluation.detectors import Pair, score_pairs
 from facetcam.evaluation.peers import Peer
 from facetcam.evaluation.synthetic import changes
 from facetcam.features import SIICF, describe
+from facetcam.features.images import Image
 
 VARIANTS: dict[str, dict[str, Any]] = {
     "default": {},
@@ -38,11 +40,13 @@ VARIANTS: dict[str, dict[str, Any]] = {
 }
 SETS = ("leuven", "ubc", "bark", "graf")
 THRESHOLDS = (0.0, 0.01, 0.015, 0.019, 0.025, 0.03, 0.04)
+SPREADS = (0, 80, 40, 20)  # sides of cells, pixels
+SPREAD_CORNERS = 500
 
 
-def with_options(**options: Any) -> Peer:
-    """All corners that SIICF finds with these options."""
-    detector = SIICF.create(max_features=None, **options)
+def with_options(max_features: int | None = None, **options: Any) -> Peer:
+    """All corners, or the best, that SIICF finds with these options."""
+    detector = SIICF.create(max_features=max_features, **options)
     return Peer(detector.detect, lambda image, top: describe(image, top))
 
 
@@ -75,6 +79,26 @@ def thresholds(pairs: list[list[Pair]]) -> None:
     show("Protocol B by threshold", columns, rows)
 
 
+def spreads(pairs: list[list[Pair]]) -> None:
+    """The strongest corners anywhere against those spread evenly, and how much of a picture they reach."""
+    rows = []
+    for side in SPREADS:
+        peer = with_options(SPREAD_CORNERS, spread=side)
+        scores = [score_pairs(of_set, peer, "B", SPREAD_CORNERS)["B"] for of_set in pairs]
+        reached = np.mean([reach(peer, of_set[0][0]) for of_set in pairs])
+        numbers = [f"{score:.3f}" for score in (*scores, np.mean(scores))]
+        rows.append((f"cells of {side}" if side else "none", *numbers, f"{reached:.0%}"))
+    show(f"Protocol B, best {SPREAD_CORNERS} by even spread", ("spread", *SETS, "mean", "picture"), rows)
+
+
+def reach(peer: Peer, image: Image, near: float = 20.0) -> float:
+    """Share of the pixels that have a corner near."""
+    empty = np.ones(image.shape, np.uint8)
+    x, y = np.rint(peer.detect(image).xy).astype(int).T
+    empty[y, x] = 0
+    return float(np.mean(cv2.distanceTransform(empty, cv2.DIST_L2, 5) <= near))
+
+
 def main() -> None:
     pairs: list[list[Pair]] = []
     for name in SETS:
@@ -83,6 +107,7 @@ def main() -> None:
         pairs.append([(first, other, H) for other, H in zip(others, sequence.homographies, strict=True)])
     ingredients(pairs)
     thresholds(pairs)
+    spreads(pairs)
 
 
 if __name__ == "__main__":

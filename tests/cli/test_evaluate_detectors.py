@@ -13,7 +13,10 @@ import pytest
 from command import Facetcam, only_line
 
 from facetcam.errors import SourceError
-from facetcam.pipelines.detectors import run_detectors
+from facetcam.evaluation.datasets import read_grey
+from facetcam.evaluation.peers import peers
+from facetcam.pipelines.detectors import contact_sheet, run_detectors
+from facetcam.viz.pictures import CAPTION_HEIGHT
 
 
 @pytest.fixture
@@ -47,7 +50,20 @@ def test_tables_and_pictures(facetcam: Facetcam, wall: Path, tmp_path: Path) -> 
     lines = list(csv.reader((out / "scores.csv").read_text().splitlines()))
     assert lines[0] == ["sequence", "detector", "score", "value"]
     assert len(lines) == 1 + sum(len(record["scores"]) for record in records)
-    assert cv2.imread(str(out / "corners.png")).shape == (480, 640, 3)
+    framed = (240 + CAPTION_HEIGHT + 6, 320 + 12)
+    assert cv2.imread(str(out / "corners.png")).shape == (2 * framed[0], 2 * framed[1], 3)
+
+
+def test_the_sheet_shows_corners_of_the_original_alone(wall: Path) -> None:
+    image = np.maximum(read_grey(wall / "img1.png"), 1)
+    original, smaller, turned, sheared = contact_sheet(image, peers(["SIICF all"])["SIICF all"])
+    assert original.image.all() and len(original.points) == len(smaller.points) == 200
+    centre = np.array([159.5, 119.5])
+    assert (np.abs(smaller.points - centre) <= 0.7 * centre).all()
+    for picture in (smaller, turned, sheared):
+        assert not picture.image[:2, :2].any()
+        x, y = np.rint(picture.points).astype(int).T
+        assert np.asarray(picture.image)[y, x].all()
 
 
 def test_image_files_are_changed(facetcam: Facetcam, wall: Path) -> None:

@@ -68,6 +68,8 @@ def peers(names: list[str] | None = None, most: int = 6000, enough: int = 2000) 
         "FAST": opencv(fast.create, (5, 1)),
         "AGAST": opencv(agast.create, (5, 1)),
         "MSER": opencv(lambda t: mser.create(1, 20, 14400, t, 0.02), (0.25, 0.5, 1.0)),
+        "TBMR": opencv(contrib.TBMR.create, (60, 10)),
+        "Blob": opencv(_blobs, (5, 2)),
         "Star": opencv(lambda t: contrib.StarDetector.create(responseThreshold=t), (10, 2, 0)),
         "MSD": opencv(lambda t: contrib.MSDDetector.create(m_th_saliency=t), (250, 25, 0)),
         "ORB": opencv(lambda t: cv2.ORB.create(most, fastThreshold=t), (5, 1), bits),
@@ -85,6 +87,15 @@ def peers(names: list[str] | None = None, most: int = 6000, enough: int = 2000) 
 def _extra(name: str) -> Any:
     """Class of OpenCV that moved to `cv2.xfeatures2d` in OpenCV 5."""
     return getattr(cv2, name, None) or getattr(cv2.xfeatures2d, name)
+
+
+def _blobs(step: float) -> Any:
+    """Blobs of any shape and shade, by binary images `step` grey values apart."""
+    parameters = cv2.SimpleBlobDetector.Params()
+    parameters.thresholdStep, parameters.minRepeatability = step, 1
+    parameters.minArea, parameters.minDistBetweenBlobs = 5, 3
+    parameters.filterByColor = parameters.filterByConvexity = parameters.filterByInertia = False
+    return cv2.SimpleBlobDetector.create(parameters)
 
 
 def _ours(detector: Detector) -> Peer:
@@ -119,6 +130,9 @@ def _opencv(detectors: list[Any], enough: int, norm: int | None) -> Peer:
 
 
 def _with_angles(image: Image, keypoints: Keypoints) -> Keypoints:
-    """Give points without a direction one, and a patch to those whose size is only that of their test."""
-    angle = np.where(keypoints.angle < 0, centroid_angles(image, keypoints.xy), keypoints.angle)
+    """Give points a direction, and a patch to those whose size is only that of their test.
+
+    Of detectors without a descriptor only TBMR has directions, and those are radians of its ellipses.
+    """
+    angle = centroid_angles(image, keypoints.xy)
     return replace(keypoints, angle=angle, size=np.maximum(keypoints.size, np.float32(_LEAST_SIZE)))

@@ -15,6 +15,7 @@ from facetcam.errors import ConfigError, SourceError
 from facetcam.evaluation import datasets as data
 from facetcam.evaluation.detectors import Row, check_protocols, evaluate_change, evaluate_sequence
 from facetcam.evaluation.peers import Peer, peers
+from facetcam.evaluation.repeatability import Points, inside, warp
 from facetcam.evaluation.synthetic import changes
 from facetcam.evaluation.tables import as_csv, as_json, as_text, grid, means
 from facetcam.features.images import Image
@@ -22,11 +23,12 @@ from facetcam.io.outputs import atomic_write, fresh_folder, require_absent
 from facetcam.pipelines.progress import Progress, keeping, silent
 from facetcam.viz import figures
 from facetcam.viz.detectors_page import DetectorsReport, write_detectors_report
-from facetcam.viz.pictures import draw_points
+from facetcam.viz.pictures import captioned, draw_points
 from facetcam.viz.report import Picture
 
 _SHEET = ("scale 0.7", "rotation 30", "affine")  # beside the original, as in Fig. 12 of the paper
 _SHEET_POINTS = 200
+_SHEET_BORDER = 4.0  # pixels; nearer to the edge a changed copy has corners of its own
 _PICTURE_WIDTH = 760
 
 
@@ -128,13 +130,18 @@ def _evaluated(
 def contact_sheet(image: Image, peer: Peer) -> list[Picture]:
     """The image and three changed copies with the strongest corners, as in Fig. 12 of the paper."""
     named = changes()
-    copies = {"original": image} | {name: named[name](image)[0] for name in _SHEET}
-    return [_with_corners(name, copy, peer) for name, copy in copies.items()]
+    copies = [named[name](image) for name in _SHEET]
+    changed = [_with_corners(name, *copy, peer) for name, copy in zip(_SHEET, copies, strict=True)]
+    return [_with_corners("original", image, np.eye(3), peer), *changed]
 
 
-def _with_corners(caption: str, image: Image, peer: Peer) -> Picture:
-    points = peer.detect(image)[:_SHEET_POINTS].xy
-    return Picture(caption, image, points, np.zeros(len(points), int))
+def _with_corners(caption: str, image: Image, H: Points, peer: Peer) -> Picture:
+    """The strongest corners in the part that the original shows; what a change had to make up is black."""
+    size = image.shape[1], image.shape[0]
+    points = peer.detect(image).xy
+    points = points[inside(warp(np.linalg.inv(H), points), size, _SHEET_BORDER)][:_SHEET_POINTS]
+    shown = cv2.warpPerspective(np.ones_like(image), H, size, flags=cv2.INTER_NEAREST)
+    return Picture(caption, image * shown, points, np.zeros(len(points), int))
 
 
 def _write_tables(folder: Path, rows: Sequence[Row]) -> None:
@@ -151,12 +158,11 @@ def _write_pictures(
     drawing = figures.scores_figure(averages, f"mean {score}")
     atomic_write(folder / "scores.svg", figures.standalone(drawing))
     first = detectors[0]
-    sheet = contact_sheet(image, compared[first])
-    drawn = [draw_points(p.image, p.points, p.views, _PICTURE_WIDTH) for p in sheet]
+    sheet = [replace(p, caption=f"{first}, {p.caption}") for p in contact_sheet(image, compared[first])]
+    drawn = [captioned(draw_points(p.image, p.points, p.views, _PICTURE_WIDTH), p.caption) for p in sheet]
     tiled = np.vstack([np.hstack(drawn[:2]), np.hstack(drawn[2:])])
     atomic_write(folder / "corners.png", cv2.imencode(".png", tiled)[1].tobytes())
-    captioned = [replace(picture, caption=f"{first}, {picture.caption}") for picture in sheet]
-    each = [_with_corners(name, image, compared[name]) for name in detectors]
+    each = [_with_corners(name, image, np.eye(3), compared[name]) for name in detectors]
     title = f"{len(detectors)} detectors, {len({row.sequence for row in rows})} sets of images"
-    report = DetectorsReport(title, rows, captioned, each, reason)
+    report = DetectorsReport(title, rows, sheet, each, reason)
     write_detectors_report(report, folder / "report.html")

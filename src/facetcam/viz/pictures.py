@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from facetcam.viz.palette import view_bgr
 
 JPEG_QUALITY = 82
+CAPTION_HEIGHT = 30  # pixels
 
 
 def to_bgr8(image: NDArray[np.generic]) -> NDArray[np.uint8]:
@@ -35,6 +36,17 @@ def draw_points(
         cv2.circle(small, centre, 16 * 3 + 8, (0, 0, 0), 3, cv2.LINE_AA, shift=4)
         cv2.circle(small, centre, 16 * 3 + 8, view_bgr(int(view)), 2, cv2.LINE_AA, shift=4)
     return np.asarray(small, np.uint8)
+
+
+def captioned(picture: NDArray[np.uint8], caption: str) -> NDArray[np.uint8]:
+    """The BGR picture under a strip with words, in a white frame."""
+    strip = np.full((CAPTION_HEIGHT, picture.shape[1], 3), 255, np.uint8)
+    place = (4, CAPTION_HEIGHT - 9)
+    cv2.putText(strip, caption, place, cv2.FONT_HERSHEY_SIMPLEX, 0.6, (36, 31, 27), 1, cv2.LINE_AA)
+    framed = cv2.copyMakeBorder(
+        np.vstack([strip, picture]), 0, 6, 6, 6, cv2.BORDER_CONSTANT, value=(255,) * 3
+    )
+    return np.asarray(framed, np.uint8)
 
 
 def data_uri(image: NDArray[np.uint8]) -> str:
