@@ -139,7 +139,8 @@ def _with_corners(caption: str, image: Image, H: Points, peer: Peer) -> Picture:
     """The strongest corners in the part that the original shows; what a change had to make up is black."""
     size = image.shape[1], image.shape[0]
     points = peer.detect(image).xy
-    points = points[inside(warp(np.linalg.inv(H), points), size, _SHEET_BORDER)][:_SHEET_POINTS]
+    back = np.asarray(np.linalg.inv(H), np.float64)
+    points = points[inside(warp(back, points), size, _SHEET_BORDER)][:_SHEET_POINTS]
     shown = cv2.warpPerspective(np.ones_like(image), H, size, flags=cv2.INTER_NEAREST)
     return Picture(caption, image * shown, points, np.zeros(len(points), int))
 
