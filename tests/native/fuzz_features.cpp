@@ -68,7 +68,11 @@ void fuzz_matching() {
     for (auto& value : train_view) value = up_to(-1, 2);
     const Descriptors q{query.data(), n, bytes}, t{train.data(), m, bytes};
     const MatchLimits limits{up_to(0, 8 * bytes), between(0.5f, 1.1f)};
-    match_mutual(q, t, limits);
+    const int groups = up_to(1, 40);
+    std::vector<std::int32_t> group(m);
+    for (auto& value : group) value = up_to(0, groups - 1);
+    match_mutual(q, t, group.data(), groups, limits);
+    hamming_distances(q, t);
     match_windowed(q, {query_xy.data(), query_view.data()}, t, {train_xy.data(), train_view.data()},
                    between(0.0f, 200.0f), limits);
 }
