@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 import yaml
 
 from facetcam.errors import ConfigError
@@ -154,7 +155,9 @@ def _convert_tuple(choices: tuple[Any, ...], value: object, where: str) -> tuple
 
 
 def _convert_scalar(hint: type, value: object, where: str) -> Any:
-    """Only lossless conversions: int to float, str to Path; a bool is not a number."""
+    """Only lossless conversions: numbers of NumPy, int to float, str to Path; a bool is not a number."""
+    if isinstance(value, np.generic):
+        value = value.item()
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if hint is Path and isinstance(value, str):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from facetcam.features.descriptors import as_bytes
-from facetcam.features.detector import Detector, require
+from facetcam.features.detector import MOST_FEATURES, Detector, require
 from facetcam.features.images import Image, Mask
 from facetcam.features.keypoints import Keypoints
 from facetcam.features.orientation import centroid_angles
@@ -123,7 +123,8 @@ class HarrisLaplace(Detector):
     def _detect(self, grey: Image, mask: Mask | None) -> Keypoints:
         image = as_bytes(grey)
         detector = cv2.xfeatures2d.HarrisLaplaceFeatureDetector.create(
-            corn_thresh=self.options.threshold, maxCorners=self.options.max_features or 1_000_000
+            corn_thresh=self.options.threshold,
+            maxCorners=min(self.options.max_features or MOST_FEATURES, MOST_FEATURES),
         )
         rows = _rows_of(detector.detect(image, None))
         rows[:, 3] = centroid_angles(image, rows[:, :2])

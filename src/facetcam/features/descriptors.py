@@ -7,7 +7,7 @@ faster. docs/benchmarks-detectors.md compares them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.config import nearest
-from facetcam.errors import ConfigError
+from facetcam.errors import ConfigError, FacetcamError
 from facetcam.features.images import Image, as_grey
 from facetcam.features.keypoints import Keypoints
 
@@ -28,6 +28,7 @@ _SIFT_SIGMA = 1.6
 # Widths of patches in sizes of the keypoint, by measurement on light, JPEG, zoom, viewpoint and noise.
 _POOLED_WIDTHS = (1.5, 3.0, 6.0)
 _BINARY_WIDTH = 3.5
+_FARTHEST = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,7 @@ def describe(
     image : (H, W) or (H, W, 3)
         The image in which the keypoints were found.
     keypoints : Keypoints
-        Of N points; their angles and sizes are respected.
+        Of N points; their angles and sizes are respected. An angle of -1, OpenCV's for none, is upright.
     flipped : bool
         The points were seen through an odd number of mirrors: the patch is flipped left to right first,
         so that its descriptor equals the one of the same point seen directly.
@@ -71,13 +72,26 @@ def describe(
     Raises
     ------
     FacetcamError
-        An unknown descriptor, or an image of wrong type or shape.
+        An unknown descriptor, an image of wrong type or shape, or keypoints that are not finite.
     """
-    kind, grey, patches = description(descriptor), as_bytes(as_grey(image)), keypoints
+    kind, grey, patches = description(descriptor), as_bytes(as_grey(image)), _sound(keypoints)
     if flipped:
-        grey, patches = np.ascontiguousarray(grey[:, ::-1]), _mirrored(keypoints, grey.shape[1])
+        grey, patches = np.ascontiguousarray(grey[:, ::-1]), _mirrored(patches, grey.shape[1])
     kept, descriptors = kind.compute(grey, patches)
     return keypoints[kept], descriptors
+
+
+def _sound(keypoints: Keypoints) -> Keypoints:
+    """Check that keypoints are numbers, and bring angles within a turn: OpenCV crashes on others."""
+    numbers = np.column_stack([keypoints.xy, keypoints.size, keypoints.angle])
+    wrong = int(np.sum(~(np.abs(numbers) <= _FARTHEST).all(axis=1) | (keypoints.size < 0)))
+    if wrong:
+        raise FacetcamError(
+            f"keypoints: {wrong} with a place, size or angle that is NaN or beyond {_FARTHEST:g}, "
+            "or a negative size; leave them out"
+        )
+    turned = np.mod(keypoints.angle, np.float32(360))
+    return replace(keypoints, angle=np.where(keypoints.angle == -1, np.float32(0), turned))
 
 
 def description(descriptor: str) -> Description:
@@ -109,18 +123,20 @@ def _gradients(grey: Image, keypoints: Keypoints) -> tuple[NDArray[np.intp], NDA
     everyone = np.arange(len(keypoints))
     if len(keypoints) == 0:
         return everyone, np.empty((0, _GRADIENT_WORDS), np.float32)
-    patches = [patch for width in _POOLED_WIDTHS for patch in _sift_patches(keypoints, width)]
+    coarsest = int(np.log2(min(grey.shape)))
+    patches = [patch for width in _POOLED_WIDTHS for patch in _sift_patches(keypoints, width, coarsest)]
     _, histograms = cv2.SIFT.create(nOctaveLayers=1).compute(grey, patches)
     pooled = _shares(histograms.reshape(len(_POOLED_WIDTHS), len(keypoints), -1)).sum(axis=0)
     return everyone, np.sqrt(_shares(pooled))
 
 
-def _sift_patches(keypoints: Keypoints, width: float) -> list[Any]:
-    """Keypoints of OpenCV whose SIFT patch is `width` sizes wide, taken from the octave to match."""
+def _sift_patches(keypoints: Keypoints, width: float, coarsest: int) -> list[Any]:
+    """Keypoints of OpenCV whose SIFT patch is `width` sizes wide, from the octave to match if there is."""
     points = keypoints.to_cv2()
     for point in points:
         point.size *= width / _SIFT_WIDTH_PER_SIZE
-        point.octave = max(0, round(float(np.log2(max(point.size, 1e-3) / 2 / _SIFT_SIGMA))))
+        octave = round(float(np.log2(max(point.size, 1e-3) / 2 / _SIFT_SIGMA)))
+        point.octave = min(max(0, octave), coarsest)
     return points
 
 

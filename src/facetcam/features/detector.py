@@ -8,11 +8,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from facetcam.config import nearest
+from facetcam.config import from_mapping, nearest
 from facetcam.errors import ConfigError
 from facetcam.features.descriptors import Described, describe, description
 from facetcam.features.images import Image, Mask, as_grey, as_mask
 from facetcam.features.keypoints import Keypoints
+
+MOST_FEATURES = 10**9  # that native code is asked for
 
 
 class Detector(ABC):
@@ -36,13 +38,13 @@ class Detector(ABC):
         Raises
         ------
         ConfigError
-            An unknown parameter (the message names the nearest one) or a value out of range.
+            An unknown parameter (the message names the nearest one); a value of wrong type or range.
         """
         known = [field.name for field in dataclasses.fields(cls.Options)]
         for name in params:
             if name not in known:
                 raise ConfigError(f"{cls.__name__}: unknown parameter {name!r}; {nearest(name, known)}")
-        return cls(cls.Options(**params))
+        return cls(from_mapping(cls.Options, params, cls.__name__))
 
     def detect(self, image: Image, mask: Image | None = None) -> Keypoints:
         """Find keypoints, strongest first.

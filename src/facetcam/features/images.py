@@ -40,10 +40,14 @@ def as_grey(image: Image) -> Image:
         raise FacetcamError(f"image: expected shape (H, W) or (H, W, 1, 3 or 4), got {image.shape}")
     if image.size == 0:
         raise FacetcamError(f"image: expected at least one pixel, got shape {image.shape}")
+    image = image.astype(image.dtype.newbyteorder("="), copy=False)
     if image.dtype.kind == "f":
-        image = image.astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):  # told in the next line
+            image = image.astype(np.float32, copy=False)
         if not np.isfinite(image).all():
-            raise FacetcamError("image: has NaN or infinite pixels; replace them or mask them out first")
+            raise FacetcamError(
+                "image: has pixels that are NaN, infinite or beyond float32; replace them first"
+            )
     if image.ndim == 2:
         return image
     if image.shape[2] == 1:

@@ -15,7 +15,7 @@ import numpy as np
 from facetcam import _core
 from facetcam.errors import ConfigError
 from facetcam.features.descriptors import description
-from facetcam.features.detector import Detector, require
+from facetcam.features.detector import MOST_FEATURES, Detector, require
 from facetcam.features.images import Image, Mask
 from facetcam.features.keypoints import Keypoints
 from facetcam.features.paper import PaperParameters, paper_rows
@@ -170,7 +170,7 @@ class SIICF(Detector):
             threshold=threshold,
             suppression=options.suppression,
             border=options.border,
-            max_features=options.max_features or 0,
+            max_features=min(options.max_features or 0, MOST_FEATURES),
             cell=options.spread,
             oriented=options.oriented,
             threads=options.threads or cv2.getNumThreads(),
