@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 
 TIGHT = 1.0  # pixels: the loss of a fit in which the majority snaps into place
 CLEAR = 20.0  # nats by which one explanation must beat another to be believed before it
+_SNAP = 10.0  # noises, if fewer: a wider loss finds a compromise of boards that moved by little
 _WRONG = 5.0  # noises that a photo or board must be off to be looked into
-_LEAST = 0.5  # and pixels
+LEAST = 0.5  # and pixels, while all causes are looked for
 _MENDED = 0.4  # of its error must remain at most when it is explained
 
 
@@ -55,6 +56,11 @@ def misfit(fit: Fit, noise: float) -> dict[int, float]:
     return {p: float(costs[photos == p].sum()) for p in fit.photos}
 
 
+def snap(noise: float) -> float:
+    """Loss in pixels of the fits whose misfits are compared."""
+    return min(TIGHT, _SNAP * noise)
+
+
 def corner_noise(fit: Fit) -> float:
     """Noise of a corner coordinate in pixels when every sighting has a pose of its own.
 
@@ -71,9 +77,9 @@ def corner_noise(fit: Fit) -> float:
     return noise_of(replace(fit, looks=alone, state=state)) / float(np.sqrt(max(spare, 0.1)))
 
 
-def is_wrong(error: float, noise: float) -> bool:
+def is_wrong(error: float, noise: float, least: float = LEAST) -> bool:
     """Tell whether a median error in pixels is more than noise and small faults of the model."""
-    return error > max(_WRONG * noise, _LEAST)
+    return error > max(_WRONG * noise, least)
 
 
 def is_mended(before: float, after: float, noise: float) -> bool:

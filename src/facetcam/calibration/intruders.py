@@ -13,12 +13,14 @@ from facetcam.calibration.evidence import (
     is_wrong,
     misfit,
     sighting_errors,
+    snap,
     worst_sighting,
 )
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.moved_boards import moved_board
 from facetcam.calibration.other_camera import another_camera
 from facetcam.calibration.result import Finding
+from facetcam.calibration.small_moves import moved_a_little
 from facetcam.errors import FacetcamError
 
 _FEWEST = 6  # photos with several boards, from which a majority is asked for
@@ -49,13 +51,14 @@ def without_intruders(fit: Fit, boards: BoardSet) -> tuple[Fit, tuple[Finding, .
         tight = fit.solved(TIGHT)
         noise = corner_noise(tight)
         if not is_wrong(worst_sighting(tight), noise):
-            return tight, tuple(findings)
+            break
         best = _best_explanation((fit, tight), boards, noise)
-        if best is None or best.price > sum(misfit(tight, noise).values()) - CLEAR:
-            return tight, tuple(findings)
+        if best is None or best.price > sum(misfit(tight.solved(snap(noise)), noise).values()) - CLEAR:
+            break
         findings.append(best.finding)
         fit = best.fit.solved(10.0)
-    return fit.solved(TIGHT), tuple(findings)
+    fit, small = moved_a_little(fit.solved(TIGHT), boards)
+    return fit, (*findings, *small)
 
 
 def _require_majority(fit: Fit) -> None:

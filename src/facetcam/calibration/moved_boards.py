@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.evidence import (
     CLEAR,
+    LEAST,
     TIGHT,
     Explanation,
     is_mended,
     is_wrong,
     misfit,
     sighting_errors,
+    snap,
     stations_only,
 )
 from facetcam.calibration.fit import Fit
@@ -33,22 +35,29 @@ _TRIALS = 3  # boards that are solved for in full
 _ROUNDS = 3  # of sorting photos by where a board stands in them
 
 
-def moved_board(fit: Fit, boards: BoardSet, noise: float) -> Explanation | None:
+def moved_board(fit: Fit, boards: BoardSet, noise: float, least: float = LEAST) -> Explanation | None:
     """Give one board of a fixed set a second place, in the photos that ask for it.
 
     Of two boards seen together either may have moved: every board is tried, and the one is named with which
     all photos together fit best, or all that the photos cannot tell apart.
+
+    Parameters
+    ----------
+    noise : float
+        Pixels that a corner coordinate is good to.
+    least : float
+        Pixels that a board must be off at least.
     """
-    places = _new_places(fit, noise)
+    places, loss = _new_places(fit, noise, least), snap(noise)
     quick = []
     for board in sorted({b for _, b in places}):
         photos, pose = _together(fit, board, places)
         trial = _placed_anew(fit, board, photos, pose)
         only = np.arange(trial.state.shared) >= trial.state.shared - 6
-        roughly = replace(trial, free=only).solved(TIGHT, 10)
+        roughly = replace(trial, free=only).solved(loss, 10)
         quick.append((_total(roughly, noise), board, replace(roughly, free=trial.free)))
     quick.sort(key=lambda item: item[:2])
-    solved = [_sorted_out(fit, trial, board, noise) for _, board, trial in quick[:_TRIALS]]
+    solved = [_sorted_out(fit, trial, board, noise, loss) for _, board, trial in quick[:_TRIALS]]
     trials = sorted((t for t in solved if t is not None), key=lambda t: t.misfit)
     if not trials:
         return None
@@ -68,13 +77,13 @@ class _Trial:
     misfit: float
 
 
-def _sorted_out(before: Fit, fit: Fit, board: int, noise: float) -> _Trial | None:
+def _sorted_out(before: Fit, fit: Fit, board: int, noise: float, loss: float) -> _Trial | None:
     """Solve with a board's newest place, and sort the photos by where it stands in them, in turns."""
     place = len(fit.places) - 1
     photos = [p for p in fit.photos if fit.moved.get((p, board)) == place]
     usual = {s.photo: before.moved.get((s.photo, board), board) for s in fit.sightings if s.board == board}
     for _ in range(_ROUNDS):
-        fit = fit.solved(10.0, 20).solved(TIGHT, 20)
+        fit = fit.solved(10.0, 20).solved(TIGHT, 20).solved(loss, 20)
         old, new = (
             misfit(stations_only(_standing(fit, board, where)), noise)
             for where in (usual, dict.fromkeys(usual, place))
@@ -102,7 +111,7 @@ def _total(fit: Fit, noise: float) -> float:
     return sum(misfit(fit, noise).values())
 
 
-def _new_places(fit: Fit, noise: float) -> dict[tuple[int, int], Array]:
+def _new_places(fit: Fit, noise: float, least: float) -> dict[tuple[int, int], Array]:
     """Boards that stand elsewhere in a photo, the rig pose taken from the photo's other boards."""
     found = {}
     errors = sighting_errors(stations_only(fit))
@@ -110,13 +119,13 @@ def _new_places(fit: Fit, noise: float) -> dict[tuple[int, int], Array]:
         here = [i for i, s in enumerate(fit.sightings) if s.photo == photo]
         seen = sorted({fit.sightings[i].board for i in here})
         # Of boards that stand apart the pose of all shows at least half on one of them.
-        if len(seen) < 2 or not is_wrong(2.0 * float(errors[here].max()), noise):
+        if len(seen) < 2 or not is_wrong(2.0 * float(errors[here].max()), noise, least):
             continue
         for board in seen:
             own = [i for i in here if fit.sightings[i].board == board]
             others = [i for i in here if i not in own]
             if min(_corners(fit, own), _corners(fit, others)) >= _CORNERS:
-                pose = _pose_apart(fit, own, others, noise)
+                pose = _pose_apart(fit, own, others, noise, least)
                 if pose is not None:
                     found[photo, board] = pose
     return found
@@ -126,7 +135,9 @@ def _corners(fit: Fit, sightings: Sequence[int]) -> int:
     return sum(len(fit.sightings[i]) for i in sightings)
 
 
-def _pose_apart(fit: Fit, own: Sequence[int], others: Sequence[int], noise: float) -> Array | None:
+def _pose_apart(
+    fit: Fit, own: Sequence[int], others: Sequence[int], noise: float, least: float
+) -> Array | None:
     """Where a board stands in the frame of its set, if not where it should."""
     nothing = np.zeros(fit.state.shared, dtype=bool)
     looks, state, _ = subset(fit.looks, fit.state, others)
@@ -134,7 +145,7 @@ def _pose_apart(fit: Fit, own: Sequence[int], others: Sequence[int], noise: floa
     looks, state, _ = subset(fit.looks, fit.state, own)
     state = replace(state, T_rig_station=rig[None])
     before = _median_error(state, looks)
-    if not is_wrong(before, noise):
+    if not is_wrong(before, noise, least):
         return None
     freed = state
     for loss in _LOSSES:

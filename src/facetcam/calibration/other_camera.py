@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from facetcam.calibration.evidence import (
     is_wrong,
     middle_error,
     misfit,
+    snap,
     stations_only,
 )
 from facetcam.calibration.fit import Fit
@@ -58,8 +59,15 @@ def another_camera(fit: Fit, noise: float) -> Explanation | None:
         f"photos {{photos}} fit only a focal length of {focal:.0f} px, the others {usual:.0f} px:"
         " another camera or zoom; they are left out"
     )
-    cost = sum(misfit(rest, noise).values()) + sum(misfit(second, noise).values())
+    cost = sum(sum(misfit(fit.solved(snap(noise)), noise).values()) for fit in (rest, second))
     return Explanation(rest, Finding("other camera", text, tuple(second.photos)), cost, _LENS)
+
+
+def lens_of_their_own(fit: Fit, photos: Sequence[int], noise: float) -> float:
+    """Misfit of some photos when they have a lens of their own, nats, its numbers paid for."""
+    freed = _with_another_lens(fit.of_photos(photos)).solved(snap(noise))
+    cost = 0.5 * _LENS * float(np.log(2 * len(fit.looks.pixels)))
+    return cost + sum(misfit(freed, noise).values())
 
 
 def _focal_lengths(fit: Fit) -> dict[int, float]:
