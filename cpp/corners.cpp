@@ -46,20 +46,6 @@ std::vector<Map> coarse_maps(const Octaves& octaves, const DetectorOptions& opti
     return maps;
 }
 
-std::vector<Corner> all_corners(const Octaves& octaves, const std::vector<Map>& maps,
-                                const DetectorOptions& options, const RowKernels& kernels) {
-    const int width = octaves.grid(0).width, height = octaves.grid(0).height, reach = options.peaks.radius;
-    std::vector<std::vector<Corner>> found(height / kLeastBandRows + 1);
-    for_bands(height, options.threads, [&](int band, int first, int last) {
-        ResponseRows rows(octaves, 0, maps.size() > 1 ? &maps[1] : nullptr, options.response, kernels,
-                          first - reach, 2 * reach);
-        found[band] = find_peaks(rows, width, height, options.peaks, kernels, first, last);
-    });
-    std::vector<Corner> corners;
-    for (const auto& part : found) corners.insert(corners.end(), part.begin(), part.end());
-    return corners;
-}
-
 void drop_masked(std::vector<Corner>& corners, const MaskView& mask) {
     const auto masked = [&](const Corner& c) {
         return !mask.at(static_cast<int>(std::lround(c.x)), static_cast<int>(std::lround(c.y)));
@@ -67,14 +53,35 @@ void drop_masked(std::vector<Corner>& corners, const MaskView& mask) {
     corners.erase(std::remove_if(corners.begin(), corners.end(), masked), corners.end());
 }
 
-std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& options, int width) {
+// Leaves the strongest, in any order, where those are all that is asked for.
+void keep_strongest(std::vector<Corner>& corners, const DetectorOptions& options) {
     const std::size_t wanted = options.max_features;
-    if (wanted && !options.cell && wanted < corners.size()) {
-        std::nth_element(corners.begin(), corners.begin() + wanted, corners.end(), stronger);
-        corners.resize(wanted);
-    }
+    if (!wanted || options.cell || wanted >= corners.size()) return;
+    std::nth_element(corners.begin(), corners.begin() + wanted, corners.end(), stronger);
+    corners.resize(wanted);
+}
+
+// Corners that the mask allows; what is too weak in its band is dropped there, by the band's own thread.
+std::vector<Corner> all_corners(const Octaves& octaves, const std::vector<Map>& maps, const MaskView& mask,
+                                const DetectorOptions& options, const RowKernels& kernels) {
+    const int width = octaves.grid(0).width, height = octaves.grid(0).height, reach = options.peaks.radius;
+    std::vector<std::vector<Corner>> found(height / kLeastBandRows + 1);
+    for_bands(height, options.threads, [&](int band, int first, int last) {
+        ResponseRows rows(octaves, 0, maps.size() > 1 ? &maps[1] : nullptr, options.response, kernels,
+                          first - reach, 2 * reach);
+        found[band] = find_peaks(rows, width, height, options.peaks, kernels, first, last);
+        drop_masked(found[band], mask);
+        keep_strongest(found[band], options);
+    });
+    std::vector<Corner> corners;
+    for (const auto& part : found) corners.insert(corners.end(), part.begin(), part.end());
+    return corners;
+}
+
+std::vector<Corner> choose(std::vector<Corner> corners, const DetectorOptions& options, int width) {
+    keep_strongest(corners, options);
     std::sort(corners.begin(), corners.end(), stronger);
-    return options.cell ? spread_evenly(corners, options.cell, width, wanted) : corners;
+    return options.cell ? spread_evenly(corners, options.cell, width, options.max_features) : corners;
 }
 
 // The responses of the single octaves at a corner, from the sum of their squares and the coarser sums.
@@ -143,9 +150,8 @@ std::vector<Keypoint> detect_corners(const ImageView& image, const MaskView& mas
     const Octaves octaves(image, table, options.scales + 1, kernels, options.threads);
     if (octaves.count() == 0) return {};
     const std::vector<Map> maps = coarse_maps(octaves, options, kernels);
-    std::vector<Corner> corners = all_corners(octaves, maps, options, kernels);
-    drop_masked(corners, mask);
-    corners = choose(std::move(corners), options, image.width);
+    const std::vector<Corner> corners =
+        choose(all_corners(octaves, maps, mask, options, kernels), options, image.width);
     std::vector<Keypoint> keypoints(corners.size());
     const int shares = (static_cast<int>(corners.size()) + kShare - 1) / kShare;
     parallel_for(shares, options.threads, [&](int share) {
