@@ -14,7 +14,7 @@ from facetcam.features import SIICF
 from facetcam.features.images import Image
 
 ROUNDS = 9
-TURNS = 60  # of one thread and two
+TURNS = 300  # of one thread and two
 
 
 def frame() -> Image:

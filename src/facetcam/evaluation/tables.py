@@ -43,7 +43,7 @@ def means(values: np.ndarray) -> np.ndarray:
 
 def shown(score: str, value: float) -> str:
     """A score in figures."""
-    return "-" if math.isnan(value) else f"{value:.1f}" if score == "points" else f"{value:.3f}"
+    return "-" if math.isnan(value) else f"{value:.0f}" if score == "points" else f"{value:.3f}"
 
 
 def as_text(rows: Sequence[Row]) -> str:

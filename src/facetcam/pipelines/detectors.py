@@ -156,7 +156,8 @@ def _write_pictures(
     score = next(iter(rows[0].scores))
     _, detectors, values = grid(rows, score)
     averages = dict(zip(detectors, np.nan_to_num(means(values)).tolist(), strict=True))
-    drawing = figures.scores_figure(averages, f"mean {score}")
+    ordered = dict(sorted(averages.items(), key=lambda item: -item[1]))
+    drawing = figures.scores_figure(ordered, f"mean {score}")
     atomic_write(folder / "scores.svg", figures.standalone(drawing))
     first = detectors[0]
     sheet = [replace(p, caption=f"{first}, {p.caption}") for p in contact_sheet(image, compared[first])]

@@ -86,6 +86,8 @@ def scores_figure(scores: Mapping[str, float], label: str) -> str:
     axes.bar_label(bars, fmt="%.3f", padding=4, color=INK)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlim(0.0, 1.15 * max(*scores.values(), 0.01))  # room for the figures
     axes.set_xlabel(label)
     return to_svg(figure)
 
