@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -102,6 +102,17 @@ def test_a_drive_by_sight_alone_is_posed(shot: Shot, by_sight: Run) -> None:
     errors = by_sight.errors(shot.drive)
     assert errors.matched == FRAMES
     assert errors.ate_scaled.rmse < 0.015
+
+
+@pytest.mark.parametrize("creep", [(0.0, 0.0), (-0.3, 0.7)])
+def test_a_camera_that_has_crept_is_noticed(shot: Shot, creep: tuple[float, float]) -> None:
+    x, y = creep
+    camera = shot.rig.camera
+    filed = replace(shot.rig, camera=replace(camera, cx=camera.cx - x, cy=camera.cy - y))
+    found = run(replace(shot, rig=filed), shot.wheels)
+    assert found.slam.nuisances[1:] == pytest.approx(creep, abs=0.2)
+    assert found.slam.rig_as_seen.camera.cy == pytest.approx(camera.cy, abs=0.2)
+    assert abs(found.errors(shot.drive).scale_error) < 0.01
 
 
 def test_no_scale_is_claimed_of_a_rig_that_the_images_deny(

@@ -12,6 +12,7 @@ from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, adjust
 from facetcam.slam.frame import Corners
 from facetcam.slam.map import Keyframe
+from facetcam.slam.nuisances import Nuisances
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import free_frames
 from facetcam.slam.shutter import sweep
@@ -62,8 +63,9 @@ def test_the_readout_is_estimated_and_no_longer_spoils_the_path(readout: float) 
         errors.append(float(np.linalg.norm(poses[:, :3, 3] - path[:, :3, 3], axis=1).max()))
         bundle = replace(bundle, T_world_rig=poses, points=points)
         motion = swept(bundle, path, optics, pixels)
-        bundle = replace(bundle, plane=seen - estimate * motion, readout=estimate, sweep=motion)
-        estimate += free_frames(bundle, optics, 10.0 * SIGMA).readout_step
+        rolls = Nuisances.of(estimate, np.zeros(2), motion, None)
+        bundle = replace(bundle, plane=seen - estimate * motion, nuisances=rolls)
+        estimate += float(free_frames(bundle, optics, 10.0 * SIGMA).nuisance_step[0])
     assert abs(estimate - readout) < 0.001
     assert errors[-1] < (0.4 if readout else 1.5) * errors[0]
 
@@ -73,7 +75,8 @@ def test_an_unknown_readout_makes_the_path_less_sure() -> None:
     path = winding_path(4)
     bundle = bundle_of(optics, path, in_sight(optics, path, rng, 400))
     known = free_frames(bundle, optics, SIGMA).covariance
-    bundle.sweep = swept(bundle, path, optics, optics.pixels(bundle.plane, bundle.view))
+    motion = swept(bundle, path, optics, optics.pixels(bundle.plane, bundle.view))
+    bundle.nuisances = Nuisances.of(0.0, np.zeros(2), motion, None)
     left = free_frames(bundle, optics, SIGMA).covariance
     assert all(np.linalg.eigvalsh(b - a).min() > -1e-9 * np.trace(b) for a, b in zip(known, left))
     assert np.trace(left[-1]) > 1.001 * np.trace(known[-1])

@@ -109,6 +109,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         rows.append(("map", str(summary.saved_map)))
     if summary.loops:
         rows.append(("loop closed", "once" if summary.loops == 1 else f"{summary.loops} times"))
+    rows += summary.corrections.items()
     if summary.rig_moved:
         name, most = max(summary.rig_moved.items(), key=lambda item: abs(item[1]))
         rows.append(("rig refined", f"{name} moved most, by {most:+.1f} of its sigmas"))

@@ -22,6 +22,7 @@ from facetcam.pipelines.slam_maps import MapKeeper
 from facetcam.pipelines.slam_record import SlamRecord
 from facetcam.pipelines.summary import Summary
 from facetcam.slam import Slam, Status
+from facetcam.slam.nuisances import CREEP_SIGMA
 from facetcam.viz.pages import write_slam_report
 from facetcam.viz.report import SlamReport, Truth
 
@@ -53,7 +54,7 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     write_tum(record.folder / "trajectory.tum", *path)
     cloud = slam.cloud()
     write_ply(record.folder / "map.ply", *cloud)
-    write_colmap_model(record.folder / "colmap", slam.rig, slam.rig_frames(), *cloud)
+    write_colmap_model(record.folder / "colmap", slam.rig_as_seen, slam.rig_frames(), *cloud)
     if slam.rig_refinement is not None:
         slam.rig.save(record.folder / REFINED_RIG)
     keeper = MapKeeper(slam, inputs.maps, record.folder)
@@ -96,6 +97,8 @@ def summarise(
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
         saved_map=saved_map,
+        readout=float(slam.nuisances[0]),
+        creep_px=(float(slam.nuisances[1]), float(slam.nuisances[2])),
         rig_moved=None if slam.rig_refinement is None else slam.rig_refinement.moved,
         path_length=evaluation.path_length(path[1][:, :3, 3]),
         seconds=seconds,
@@ -116,6 +119,9 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
         side = "ahead of" if inputs.odometry_offset > 0 else "behind"
         seconds = abs(inputs.odometry_offset)
         found.append(f"the odometry's clock is {seconds:.2f} s {side} the film's; corrected")
+    creep = float(np.linalg.norm(slam.nuisances[1:]))
+    if creep > 2.0 * CREEP_SIGMA:
+        found.append(f"the camera has crept by {creep:.1f} px against its mirrors; calibrate the rig again")
     if slam.odometry_check.complaint:
         found.append(f"odometry not used: {slam.odometry_check.complaint}")
     return found
@@ -197,6 +203,7 @@ def facts(summary: Summary) -> dict[str, str]:
     }
     if summary.errors is not None:
         rows["scale error"] = f"{100 * summary.errors.scale_error:+.2f} %"
+    rows |= summary.corrections
     rows["loops closed"] = str(summary.loops)
     if summary.saved_map is not None:
         rows["map"] = str(summary.saved_map)

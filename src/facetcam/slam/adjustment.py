@@ -9,10 +9,11 @@ from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
 from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import map_uncertainty
-from facetcam.slam.shutter import LONGEST_READOUT, sweep
+from facetcam.slam.shutter import sweep
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -27,7 +28,6 @@ _MAX_FIXED = 10
 _MAX_NEAR = 50  # keyframes among which these are sought
 _TRIALS = 8
 _LEAST_FOUND = 0.3  # share of the trials in which a good point is found
-_CERTAIN = 2.0  # sigmas by which a readout must differ from that of a global shutter
 
 
 class Adjuster:
@@ -49,6 +49,17 @@ class Adjuster:
     def window(self) -> list[Keyframe]:
         """The keyframes that are adjusted together, oldest first: none from before a gap."""
         return self._map.keyframes[self._map.since :][-self._config.window :]
+
+    @property
+    def nuisances(self) -> Array:
+        """Readout in seconds and creep (x, y) in pixels, as they are believed to be."""
+        return np.array([self._map.readout, *self._map.creep])
+
+    def believe(self, nuisances: Array) -> None:
+        """Go over to other `nuisances`."""
+        with self._map.lock:
+            self._map.readout, self._map.creep = float(nuisances[0]), nuisances[1:]
+            self._map.see_through(self._optics)
 
     def adjust_window(self) -> None:
         """Adjust the window; older keyframes that share its points hold it in place."""
@@ -88,10 +99,8 @@ class Adjuster:
         found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
         for keyframe, covariance in zip(self._map.keyframes, found.covariance):
             keyframe.covariance = covariance
-        readout = self._map.readout + found.readout_step
-        # A wrong readout bends a young map, so it counts once it stands out of its own uncertainty.
-        believed = _CERTAIN * found.readout_sigma < abs(readout) < LONGEST_READOUT
-        self._map.readout = readout if believed else 0.0
+        if bundle.nuisances is not None and len(found.nuisance_step):
+            self.believe(believed(bundle.nuisances.values + found.nuisance_step, found.nuisance_covariance))
         return found.scale_sigma
 
     def whole(self, swept: bool = True) -> Bundle | None:
@@ -145,23 +154,31 @@ class Adjuster:
         used, index = np.flatnonzero(seen), np.cumsum(seen) - 1
         fixed = np.arange(len(keyframes)) < n_fixed
         plane = np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)])
+        view = np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64)
         readout, sweep_of_all = self._map.readout, None
         if readout or swept:
             sweep_of_all = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
             plane = plane - readout * sweep_of_all
+        nuisances = None
+        if swept and sweep_of_all is not None:
+            nuisances = self._nuisances(plane, view, sweep_of_all)
         bundle = Bundle(
             T_world_rig=np.stack([k.T_world_rig for k in keyframes]),
             fixed=fixed,
             points=self._map.points.xyz[used],
             frame=np.repeat(np.arange(len(keyframes)), [int(r.sum()) for r in rows]),
-            view=np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64),
+            view=view,
             point=index[point],
             plane=plane,
             motions=self._motions(keyframes, n_fixed),
-            readout=readout,
-            sweep=sweep_of_all,
+            nuisances=nuisances,
         )
         return bundle, used
+
+    def _nuisances(self, plane: Array, view: Index, sweep_of_all: Array) -> Nuisances:
+        several = self._optics.n_views > 1
+        shift = shift_by_creep(plane, view, self._optics) if several else None
+        return Nuisances.of(self._map.readout, self._map.creep, sweep_of_all, shift)
 
     def _sweep(self, keyframe: Keyframe, rows: NDArray[np.bool_]) -> Array:
         """What a second of readout does to some observations of a keyframe."""

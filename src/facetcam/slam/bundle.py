@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam import _core
+from facetcam.slam.nuisances import Nuisances
 from facetcam.slam.optics import Optics
 
 Array = NDArray[np.float64]
@@ -52,10 +53,8 @@ class Bundle:
         Odometry between frames.
     bridges : list of RelativePose
         Those of them that join frames with hardly a point in common: nothing else may hold these together.
-    readout : float
-        Seconds from the first row to the last, by which `plane` has been corrected.
-    sweep : (M, 2) array or None
-        Pixels by which a second of readout shifts each observation; None for a shutter known to be global.
+    nuisances : Nuisances or None
+        What is estimated with the map, by which `plane` has been corrected; None where it is held.
     """
 
     T_world_rig: Array
@@ -67,8 +66,7 @@ class Bundle:
     plane: Array
     motions: list[RelativePose] = field(default_factory=list)
     bridges: list[RelativePose] = field(default_factory=list)
-    readout: float = 0.0
-    sweep: Array | None = None
+    nuisances: Nuisances | None = None
 
 
 def adjust(

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
 _LAST_ROUNDS = 4
-_READOUT_STEP = 2e-4  # seconds below which the readout of the shutter has settled
+_SETTLED = (2e-4, 0.02, 0.02)  # steps of the nuisances, in seconds and pixels
 
 
 class Grower:
@@ -92,10 +92,10 @@ class Grower:
         if last:
             self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
         for _ in range(_LAST_ROUNDS if last else 1):
-            readout = self._map.readout
+            before = self._adjuster.nuisances
             self._adjuster.adjust_all(last)
             self.judge()
-            if abs(self._map.readout - readout) < _READOUT_STEP:
+            if np.all(np.abs(self._adjuster.nuisances - before) < _SETTLED):
                 break
         self._settle()
 
@@ -112,6 +112,7 @@ class Grower:
     def start_again(self) -> None:
         """Forget the map."""
         self._map.clear()
+        self._adjuster.believe(np.zeros(3))
         self._places.clear()
         self._mapper.denied = False
         self.scale_sigma = self._tested = np.inf

@@ -15,7 +15,6 @@ from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
 from facetcam.slam.pose import linearise, linearise_sight
-from facetcam.slam.shutter import READOUT_SIGMA
 
 Array = NDArray[np.float64]
 
@@ -23,12 +22,12 @@ _STEP = 0.1  # standard deviations by which a number of the rig is moved for its
 
 
 @dataclass(frozen=True, slots=True)
-class Shutter:
-    """Equation of the readout: by each pose (6K,), weight and gradient, its prior included."""
+class Eliminated:
+    """Equations of the nuisances: by each pose (6K, N), weight (N, N), gradient (N,); their prior counts."""
 
     by_pose: Array
-    weight: float
-    gradient: float
+    weight: Array
+    gradient: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +40,8 @@ class Information:
     joint : (6K, R) array
     rig : (R, R) array
     pose_gradient, rig_gradient : (6K,), (R,) arrays
-    shutter : Shutter
-        What they say of the readout, which is eliminated too.
+    nuisances : Eliminated
+        What they say of the bundle's nuisances, which are eliminated too.
     """
 
     poses: Array
@@ -50,7 +49,7 @@ class Information:
     rig: Array
     pose_gradient: Array
     rig_gradient: Array
-    shutter: Shutter
+    nuisances: Eliminated
 
 
 def information(
@@ -64,8 +63,9 @@ def information(
     # All measurements of a point come from one reference patch: they count as one, not as many.
     root = np.sqrt(P / M * weight / max(variance, 1e-6))[:, None, None]
     by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, optics, known)
-    by_shutter = np.zeros((M, 2)) if bundle.sweep is None else bundle.sweep
-    by_rig = np.concatenate([by_rig, by_shutter[:, :, None]], axis=2)
+    R, own = by_rig.shape[2], bundle.nuisances
+    if own is not None:
+        by_rig = np.concatenate([by_rig, own.by], axis=2)
     A, B = _blocks(root * J, bundle.frame, K), _blocks(root * by_point, bundle.point, P)
     C, r = (root * by_rig).reshape(2 * M, -1), (root[:, :, 0] * residual).ravel()
     B = B @ _whitening((B.T @ B).tobsr((3, 3)), P)
@@ -73,16 +73,17 @@ def information(
     poses = np.asarray((A.T @ A - W @ W.T).todense()) + _across(bundle)
     joint, rig = A.T @ C - W @ rest, C.T @ C - rest.T @ rest
     pose_gradient, rig_gradient = A.T @ r - W @ pull, C.T @ r - rest.T @ pull
-    u, w = joint[:, -1], rig[:-1, -1]
-    h = float(rig[-1, -1]) + READOUT_SIGMA**-2
-    g = float(rig_gradient[-1]) + READOUT_SIGMA**-2 * bundle.readout
+    prior = np.zeros(0) if own is None else own.sigma**-2
+    u, w = joint[:, R:], rig[:R, R:]
+    h = rig[R:, R:] + np.diag(prior)
+    g = rig_gradient[R:] + prior * (0.0 if own is None else own.values)
     return Information(
-        poses=poses - np.outer(u, u) / h,
-        joint=joint[:, :-1] - np.outer(u, w) / h,
-        rig=rig[:-1, :-1] - np.outer(w, w) / h,
-        pose_gradient=pose_gradient - g / h * u,
-        rig_gradient=rig_gradient[:-1] - g / h * w,
-        shutter=Shutter(u, h, g),
+        poses=poses - u @ np.linalg.solve(h, u.T),
+        joint=joint[:, :R] - u @ np.linalg.solve(h, w.T),
+        rig=rig[:R, :R] - w @ np.linalg.solve(h, w.T),
+        pose_gradient=pose_gradient - u @ np.linalg.solve(h, g),
+        rig_gradient=rig_gradient[:R] - w @ np.linalg.solve(h, g),
+        nuisances=Eliminated(u, h, g),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -177,6 +177,9 @@ class Map:
         self.keyframes: list[Keyframe] = []
         self.since = 0  # keyframe with which the map went on after a gap that only wheels have crossed
         self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
+        self.creep = np.zeros(
+            2
+        )  # px (x, y) by which the image has crept against the rig's file, as estimated
 
     @property
     def young(self) -> bool:
@@ -186,6 +189,14 @@ class Map:
     def poses(self) -> Array:
         """Poses (K, 4, 4) of the keyframes."""
         return np.array([k.T_world_rig for k in self.keyframes]).reshape(-1, 4, 4)
+
+    def see_through(self, optics: Optics) -> None:
+        """See through a rig that has changed or crept: what was seen lies elsewhere on its ideal pinholes."""
+        optics.creep_to(self.creep)
+        for keyframe in self.keyframes:
+            seen, corners = keyframe.observations, keyframe.corners
+            seen.plane = optics.plane(seen.pixels, seen.view)
+            keyframe.corners = replace(corners, plane=optics.plane(corners.pixels, corners.views))
 
     def observed_points(self, keyframes: list[Keyframe]) -> Index:
         """Ids of living points that any of these keyframes saw."""

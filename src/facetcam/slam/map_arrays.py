@@ -25,6 +25,7 @@ def to_arrays(map: Map, places: Places) -> Arrays:
     new_id = np.full(len(map.points), -1, np.int64)
     new_id[alive] = np.arange(len(alive))
     arrays: Arrays = {f"points.{name}": getattr(map.points, name)[alive] for name in POINTS}
+    arrays["camera.creep"] = map.creep
     return arrays | _keyframes(map) | _observations(map, new_id) | _sightings(map, places, new_id)
 
 
@@ -84,6 +85,9 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
         _check_range(arrays[f"{name}.keyframe"], n_keyframes, f"{name}.keyframe")
     _check_range(arrays["observations.view"], optics.n_views, "observations.view")
     map.points.extend(**{name: arrays[f"points.{name}"] for name in POINTS})
+    if "camera.creep" in arrays:  # not in the first maps
+        map.creep = arrays["camera.creep"].copy()
+        optics.creep_to(map.creep)
     map.keyframes.extend(_keyframe(arrays, k, optics) for k in range(n_keyframes))
     known = Sightings(*(arrays[f"sightings.{column}"] for column in ("point", "keyframe", "descriptor")))
     places.restore(known, n_keyframes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +54,19 @@ class Optics:
 
     def take_up(self, rig: Rig) -> None:
         """Go over to a rig that is hardly another one: its numbers moved, but its valid pixels stay."""
-        self.rig = rig
+        self.rig = self._given = rig
         self.focal = float(np.sqrt(rig.camera.fx * rig.camera.fy))
         self._T_image_rig = np.stack([se3.inverse(rig.T_rig_image(name)) for name in self.names])
         self.T_view_rig = np.stack([self._ideal_pose(v) for v in range(self.n_views)])
         self.T_rig_view = se3.inverse(self.T_view_rig)
         self._up = np.stack([_up_axis(T[2, :3]) for T in self.T_view_rig])
         self.roll_degrees = np.array([self._roll(v) for v in range(self.n_views)])
+
+    def creep_to(self, creep: Array) -> None:
+        """Let the image be shifted by so many pixels (x, y) against the rig that was given or taken up."""
+        x, y = creep.tolist()
+        camera = replace(self._given.camera, cx=self._given.camera.cx + x, cy=self._given.camera.cy + y)
+        self.rig = replace(self._given, camera=camera)
 
     def adapted(self, rig: Rig) -> Optics:
         """The same for a rig that is hardly another one (`take_up`)."""

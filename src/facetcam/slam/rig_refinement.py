@@ -91,7 +91,5 @@ def _take_up(map: Map, optics: Optics, rig: Rig) -> None:
     """Go over to another rig; what was seen lies elsewhere on its ideal pinholes."""
     with map.lock:
         optics.take_up(rig)
-        for keyframe in map.keyframes:
-            seen, corners = keyframe.observations, keyframe.corners
-            seen.plane = optics.plane(seen.pixels, seen.view)
-            keyframe.corners = replace(corners, plane=optics.plane(corners.pixels, corners.views))
+        map.creep = np.zeros(2)  # it is the rig's own now
+        map.see_through(optics)

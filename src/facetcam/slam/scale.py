@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,16 +31,15 @@ class MapUncertainty:
         motion, or hardly a point in any other view.
     covariance : (K, 6, 6) array
         Of right-hand twists of the frames; where the scale is unknown, at the scale that the map has.
-    readout_step : float
-        Seconds by which another readout of the shutter would explain the images better.
-    readout_sigma : float
-        Standard deviation of the readout, seconds.
+    nuisance_step : (N,) array
+        By which other nuisances would explain the images better.
+    nuisance_covariance : (N, N) array
     """
 
     scale_sigma: float
     covariance: Array
-    readout_step: float = 0.0
-    readout_sigma: float = np.inf
+    nuisance_step: Array = field(default_factory=lambda: np.zeros(0))
+    nuisance_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @on_one_thread
@@ -62,11 +61,11 @@ def map_uncertainty(bundle: Bundle, optics: Optics, pixel_sigma: float) -> MapUn
     scale[:, 3:] = np.einsum("kji,kj->ki", bundle.T_world_rig[1:, :3, :3], centres[1:])
     direction = scale.ravel() / np.sum(scale**2)
     if np.sum((direction @ open_.unseen) ** 2) > _NULL_SHARE * np.sum(direction**2):
-        return MapUncertainty(np.inf, covariance, open_.readout_step, open_.readout_sigma)
+        return MapUncertainty(np.inf, covariance, open_.nuisance_step, open_.nuisance_covariance)
     sigma = float(np.linalg.norm(direction @ open_.spread))
     proven = sigma < 1.0 and _points_beside(bundle) >= _LEAST_BESIDE
     told = sigma if proven else np.inf
-    return MapUncertainty(told, covariance, open_.readout_step, open_.readout_sigma)
+    return MapUncertainty(told, covariance, open_.nuisance_step, open_.nuisance_covariance)
 
 
 def _points_beside(bundle: Bundle) -> int:
@@ -87,14 +86,14 @@ class FreeFrames:
         Independent errors of one standard deviation, as right-hand twists of all frames together.
     unseen : (6F, M) array
         Orthonormal directions of which the images tell nothing; `spread` leaves them out.
-    readout_step, readout_sigma : float
+    nuisance_step, nuisance_covariance : (N,), (N, N) arrays
         As in `MapUncertainty`.
     """
 
     spread: Array
     unseen: Array
-    readout_step: float
-    readout_sigma: float
+    nuisance_step: Array
+    nuisance_covariance: Array
 
     @property
     def covariance(self) -> Array:
@@ -111,13 +110,13 @@ def free_frames(bundle: Bundle, optics: Optics, pixel_sigma: float) -> FreeFrame
     known = values > _NULL * values[-1]
     seen = vectors[:, known] / np.sqrt(values[known])
     wrong_rig = -seen @ (seen.T @ found.joint[first:]) @ _root(optics.rig.covariance)
-    shutter = found.shutter
+    own = found.nuisances
     poses_step = -seen @ (seen.T @ found.pose_gradient[first:])
-    readout_step = -(shutter.gradient + shutter.by_pose[first:] @ poses_step) / shutter.weight
-    by_poses = float(np.linalg.norm(shutter.by_pose[first:] @ seen)) / shutter.weight
-    readout_sigma = np.hypot(by_poses, shutter.weight**-0.5)
+    step = -np.linalg.solve(own.weight, own.gradient + own.by_pose[first:].T @ poses_step)
+    by_poses = np.linalg.solve(own.weight, own.by_pose[first:].T @ seen)
+    covariance = np.linalg.inv(own.weight) + by_poses @ by_poses.T
     spread = np.column_stack([seen, wrong_rig])
-    return FreeFrames(spread, vectors[:, ~known], float(readout_step), float(readout_sigma))
+    return FreeFrames(spread, vectors[:, ~known], step, covariance)
 
 
 def _root(known: RigCovariance | None) -> Array:

@@ -377,6 +377,16 @@ class Slam:
         return self._grower.scale_sigma
 
     @property
+    def nuisances(self) -> Array:
+        """Readout of the shutter in seconds, and creep (x, y) of the image in pixels, as estimated."""
+        return self._parts.adjuster.nuisances
+
+    @property
+    def rig_as_seen(self) -> Rig:
+        """The rig with what its camera has crept against the mirrors."""
+        return self._parts.optics.rig
+
+    @property
     def loops(self) -> int:
         """Loops closed in this run."""
         return self._grower.loops
