@@ -27,13 +27,14 @@ class FakeSlam:
     dropped = 0
     scale_sigma = np.inf
     rig_refinement = None
+    nuisances = np.zeros(3)
     rig_check = SimpleNamespace(complaint="")
     grown = False
     loops = 0
     odometry_check = SimpleNamespace(complaint="", offset=None)
 
     def __init__(self, rig: object, config: object) -> None:
-        self.rig = rig
+        self.rig = self.rig_as_seen = rig
         self.seen: list[float] = []
         self.odometry: list[tuple[float, float, float] | None] = []
         self.timing = {"track": [0.01]}

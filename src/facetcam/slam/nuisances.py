@@ -51,6 +51,10 @@ class Nuisances:
         sigma = np.array([READOUT_SIGMA, CREEP_SIGMA, CREEP_SIGMA])
         return cls(np.array([readout, *creep]), sigma, np.concatenate([sweep[:, :, None], shift], axis=2))
 
+    def of_readout(self) -> Nuisances:
+        """The readout alone, for a rig whose own principal point moves."""
+        return Nuisances(self.values[:1], self.sigma[:1], self.by[:, :, :1])
+
 
 def shift_by_creep(plane: Array, view: NDArray[np.integer], optics: Optics) -> Array:
     """Shift (N, 2, 2) on the ideal pinholes of observations by a pixel of creep along x and along y."""

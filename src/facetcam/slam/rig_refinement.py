@@ -78,6 +78,8 @@ def _rig_equations(
     whole: Bundle, optics: Optics, pixel_sigma: float, known: RigCovariance
 ) -> tuple[Array, Array]:
     """Information (R, R) and gradient (R,) of the rig's numbers with points and poses eliminated."""
+    if whole.nuisances is not None and "cx" in known.parameters:
+        whole.nuisances = whole.nuisances.of_readout()
     found = information(whole, optics, pixel_sigma, known)
     values, vectors = np.linalg.eigh(found.poses[6:, 6:])  # the first frame is held
     seen = values > _NULL * values[-1]
