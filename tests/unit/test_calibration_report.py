@@ -15,7 +15,7 @@ from facetcam.calibration.quality import Flatness, MirrorDeviation, UncertaintyM
 from facetcam.calibration.result import Calibration, Finding, FittedSighting, Parameters, Unknown
 from facetcam.rig import Rig
 from facetcam.viz.calibration_page import CalibrationReport, PhotoRow, crop_of, write_calibration_report
-from facetcam.viz.calibration_words import deviation_row, digits_of, verdict
+from facetcam.viz.calibration_words import deviation_row, digits_of, tiles, verdict
 
 NOISE = 0.05
 
@@ -121,6 +121,16 @@ def test_the_verdict_is_good_only_when_nothing_speaks_against_it() -> None:
     bent = replace(validation(0.075), flatness=Flatness(0.1, 0.05, 9.0, False, "front"))
     assert "do not look flat in 'front'" in verdict(good, bent)
     assert "differ by 191\u00a0px" in verdict(good, replace(validation(0.075), split_half_rms=191.0))
+
+
+@pytest.mark.parametrize(
+    ("unknown", "shown"),
+    [((), "0"), ((True,), "1, harmless"), ((False, True), "1"), ((True, True), "2, harmless")],
+)
+def test_directions_that_do_no_harm_are_counted_as_such(unknown: tuple[bool, ...], shown: str) -> None:
+    opened = tuple(Unknown("x", harmless=harmless) for harmless in unknown)
+    told = {label: value for label, value, _ in tiles(replace(calibration(), unobservable=opened), None)}
+    assert told["not determined"] == shown
 
 
 @pytest.mark.parametrize("noise", [0.05, 0.5])

@@ -202,3 +202,5 @@ def test_squares_told_in_other_units(factor: float, wide: str) -> None:
     (line,) = oversized(BoardSet((told,)))
     assert f"board 'wall' would be {wide} m wide" in line
     assert oversized(BOARDS) == []
+    (both,) = oversized(BoardSet((told, replace(told, name="floor", first_id=20))))
+    assert f"boards 'wall', 'floor' would be {wide} m wide" in both

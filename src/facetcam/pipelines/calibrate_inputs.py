@@ -73,11 +73,15 @@ def look(
 
 def oversized(boards: BoardSet) -> list[str]:
     """Boards too large or too small to be meant, as when squares are told in other units than metres."""
-    sizes = [(board, max(board.size)) for board in boards.boards]
+    alike: dict[tuple[str, str], list[str]] = {}
+    for board in boards.boards:
+        if not _SMALLEST < max(board.size) < _LARGEST:
+            size = f"{max(board.size):.3g}", f"{board.square:g}"
+            alike.setdefault(size, []).append(f"'{board.name}'")
     return [
-        f"board '{board.name}' would be {size:.3g} m wide: its square, {board.square:g}, is in metres"
-        for board, size in sizes
-        if not _SMALLEST < size < _LARGEST
+        f"board{'s' if len(names) > 1 else ''} {', '.join(names)} would be {width} m wide:"
+        f" {'their' if len(names) > 1 else 'its'} square, {square}, is in metres"
+        for (width, square), names in alike.items()
     ]
 
 

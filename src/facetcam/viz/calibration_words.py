@@ -72,7 +72,9 @@ def tiles(calibration: Calibration, validation: Validation | None) -> list[tuple
             found.append(("mirrors", "flat" if flat else "not flat", GOOD if flat else BAD))
     found.append(("corners rejected", f"{100 * rejected / max(total, 1):.1f}\u00a0%", ""))
     unknown = sum(not u.harmless for u in calibration.unobservable)
-    found.append(("not determined", str(unknown), BAD if unknown else GOOD))
+    harmless = len(calibration.unobservable) - unknown
+    shown = f"{harmless}, harmless" if harmless and not unknown else str(unknown)
+    found.append(("not determined", shown, BAD if unknown else GOOD))
     return found
 
 
