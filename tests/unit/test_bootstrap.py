@@ -7,6 +7,8 @@ import pytest
 
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.bootstrap import bootstrap
+from facetcam.calibration.bootstrap_planes import Plane
+from facetcam.calibration.bootstrap_reading import _cut
 from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
@@ -88,3 +90,16 @@ def test_without_mirrors_in_two_photos_nothing_is_made_up() -> None:
         bootstrap(BOARDS, direct, (1600, 1200))
     with pytest.raises(FacetcamError, match="2 sightings"):
         bootstrap(BOARDS, direct[:2], (1600, 1200))
+
+
+@pytest.mark.parametrize(("columns", "parts"), [(0, [7]), (1, [6]), (2, [5, 2]), (5, [2, 5])])
+def test_a_row_of_corners_beyond_a_seam_makes_no_view(columns: int, parts: list[int]) -> None:
+    """Of a board of 7 x 6 corners whose first `columns` lie beyond the seam of two mirrors."""
+    camera = Camera("brown-conrady", 1600, 1200, 1300.0, 1300.0, 800.0, 600.0, (0.0,) * 5)
+    normals = np.array([[-0.6, 0.0, 0.8], [0.6, 0.0, 0.8]])
+    planes = [Plane(n, 1.0) for n in normals]  # their seam is upright in the middle of the frame
+    x, y = np.meshgrid(np.arange(7.0), np.arange(6.0))
+    pixels = np.column_stack([800.0 + 20.0 * (x.ravel() - columns + 0.5), 500.0 + 20.0 * y.ravel()])
+    whole = Sighting(0, 0, np.arange(42), pixels, None)
+    cut = _cut(BOARDS.boards[0], camera, planes, (1, 0), whole)
+    assert [len(part.corners) for _, part in cut] == [6 * n for n in parts]

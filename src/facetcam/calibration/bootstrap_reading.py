@@ -72,11 +72,11 @@ def _explained(
             off[~valid[way.corners]] = np.inf
             if np.median(off) < best[0]:
                 best = (float(np.median(off)), [(chain, way)])
-    return [part for chain, way in best[1] for part in _cut(camera, planes, chain, way)]
+    return [part for chain, way in best[1] for part in _cut(board, camera, planes, chain, way)]
 
 
 def _cut(
-    camera: Camera, planes: Sequence[Plane], chain: tuple[int, ...], way: Sighting
+    board: Board, camera: Camera, planes: Sequence[Plane], chain: tuple[int, ...], way: Sighting
 ) -> list[tuple[tuple[int, ...], Sighting]]:
     """Of two mirrors the nearer on a corner's ray comes first in its chain."""
     if len(chain) < 2:
@@ -85,7 +85,13 @@ def _cut(
     distance = np.stack([planes[i].offset / np.maximum(rays @ planes[i].normal, 1e-9) for i in chain])
     first = distance[0] <= distance[1]
     parts = ((chain, first), (chain[::-1], ~first))
-    return [(c, replace(way, corners=way.corners[m], pixels=way.pixels[m])) for c, m in parts if m.sum() >= 4]
+    some = [(c, replace(way, corners=way.corners[m], pixels=way.pixels[m])) for c, m in parts]
+    return [(c, part) for c, part in some if _spans_a_plane(board.points[part.corners])]
+
+
+def _spans_a_plane(points: Array) -> bool:
+    """Tell whether there are four corners at least, and not all in one row, which places no board."""
+    return len(points) >= 4 and int(np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-9)) == 2
 
 
 def _chains(count: int) -> list[tuple[int, ...]]:
