@@ -11,6 +11,8 @@ from typing import Any
 
 from facetcam.evaluation.trajectory import TrajectoryErrors
 
+_WORTH_TELLING = 0.1  # px of creep
+
 
 @dataclass(frozen=True, slots=True)
 class Summary:
@@ -64,8 +66,8 @@ class Summary:
         rows = {}
         if self.readout:
             rows["rolling shutter"] = f"{1e3 * self.readout:.1f} ms from the first row to the last"
-        if any(self.creep_px):
-            x, y = self.creep_px
+        x, y = self.creep_px
+        if math.hypot(x, y) > _WORTH_TELLING:
             rows["camera has crept"] = f"by {x:+.2f}, {y:+.2f} px against its mirrors; corrected"
         return rows
 
