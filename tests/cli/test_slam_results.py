@@ -66,7 +66,7 @@ def test_what_was_found_of_shutter_and_camera_is_said(
     assert told == (creep > 0.1)
     assert ("crept by 1.4 px" in result.stderr and "calibrate the rig again" in result.stderr) == warned
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (summary["readout"], summary["creep_px"]) == (0.0174, [-0.02, creep])
+    assert (summary["readout_s"], summary["creep_px"]) == (0.0174, [-0.02, creep])
 
 
 def test_live_poses_stay_beside_the_final_ones(film: Path, rig: Path, tmp_path: Path) -> None:

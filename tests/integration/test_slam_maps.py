@@ -101,6 +101,31 @@ def test_mirror_images_are_found_in_mirror_images(room: MeshRenderer, drive: Dri
     assert np.linalg.norm(T[:3, 3] - there.poses[-1][:3, 3]) < 0.08
 
 
+def test_the_creep_stays_with_the_map_and_goes_with_it(saved: Path, tmp_path: Path) -> None:
+    slam, again, creep = Slam(folded()), Slam(folded()), [0.3, -0.2]
+    slam.load_map(saved)
+    before = slam._map.keyframes[1].observations.plane
+    slam._parts.adjuster.believe(np.array([0.0, *creep]))
+    slam.save_map(tmp_path / "crept.facetmap")
+    again.load_map(tmp_path / "crept.facetmap", localise_only=True)
+    for loaded in (slam, again):
+        assert loaded.nuisances[1:].tolist() == creep
+        assert loaded.rig_as_seen.camera.cx == pytest.approx(folded().camera.cx + 0.3)
+        seen = loaded._map.keyframes[1].observations
+        assert 0.2 < np.abs(seen.plane - before).max() < 0.6
+        np.testing.assert_allclose(seen.plane, loaded._parts.optics.plane(seen.pixels, seen.view))
+    again._grower.start_again()
+    assert not again.nuisances.any() and again.rig_as_seen.camera == again.rig.camera
+
+
+@pytest.mark.parametrize("creep", [np.zeros(3), np.full(2, np.nan), np.zeros((2, 2)), np.array(["a", "b"])])
+def test_a_map_with_a_creep_that_is_none_is_refused(saved: Path, tmp_path: Path, creep: Array) -> None:
+    header, arrays = read_map(saved)
+    write_map(tmp_path / "odd.facetmap", header, arrays | {"camera.creep": creep})
+    with pytest.raises(MapError, match=r"odd\.facetmap: its parts contradict each other"):
+        Slam(folded()).load_map(tmp_path / "odd.facetmap")
+
+
 def test_nowhere_is_not_found(saved: Path) -> None:
     rng = np.random.default_rng(3)
     slam = Slam(folded())

@@ -165,6 +165,7 @@ def _write_pictures(
     tiled = np.vstack([np.hstack(drawn[:2]), np.hstack(drawn[2:])])
     atomic_write(folder / "corners.png", cv2.imencode(".png", tiled)[1].tobytes())
     each = [_with_corners(name, image, np.eye(3), compared[name]) for name in detectors]
-    title = f"{len(detectors)} detectors, {len({row.sequence for row in rows})} sets of images"
+    sets = len({row.sequence for row in rows})
+    title = f"{len(detectors)} detectors, {sets} {'set' if sets == 1 else 'sets'} of images"
     report = DetectorsReport(title, rows, sheet, each, reason)
     write_detectors_report(report, folder / "report.html")

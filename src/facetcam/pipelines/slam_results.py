@@ -97,7 +97,7 @@ def summarise(
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
         saved_map=saved_map,
-        readout=float(slam.nuisances[0]),
+        readout_s=float(slam.nuisances[0]),
         creep_px=(float(slam.nuisances[1]), float(slam.nuisances[2])),
         rig_moved=None if slam.rig_refinement is None else slam.rig_refinement.moved,
         path_length=evaluation.path_length(path[1][:, :3, 3]),

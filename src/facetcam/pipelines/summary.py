@@ -21,10 +21,10 @@ class Summary:
     `tracked` counts frames whose pose was measured, those of the start included, which are solved backwards;
     `scale_sigma` is relative, None where the scale is unknown; `frames_per_second` includes decoding and the
     last adjustment; `loops` counts returns to a place that were recognised and closed;
-    `saved_map` is None where the run did not add to a map; `readout` is that of the shutter in seconds, zero
-    for a global one, `creep_px` (x, y) how far the image lies from where the rig's file says; `rig_moved`
-    tells by how many standard deviations a refinement moved each of the rig's numbers, None without one;
-    `errors` need a true trajectory.
+    `saved_map` is None where the run did not add to a map; `readout_s` is that of the shutter, zero for a
+    global one; `creep_px` (x, y) tells how far the image lies from where the rig's file says; `rig_moved` by
+    how many standard deviations a refinement moved each of the rig's numbers, None without one; `errors` need
+    a true trajectory.
     """
 
     source: str
@@ -39,7 +39,7 @@ class Summary:
     map_points: int
     loops: int
     saved_map: Path | None
-    readout: float
+    readout_s: float
     creep_px: tuple[float, float]
     rig_moved: dict[str, float] | None
     path_length: float
@@ -64,8 +64,8 @@ class Summary:
     def corrections(self) -> dict[str, str]:
         """What was found of shutter and camera beyond the rig's file, and taken into account."""
         rows = {}
-        if self.readout:
-            rows["rolling shutter"] = f"{1e3 * self.readout:.1f} ms from the first row to the last"
+        if self.readout_s:
+            rows["rolling shutter"] = f"{1e3 * self.readout_s:.1f} ms from the first row to the last"
         x, y = self.creep_px
         if math.hypot(x, y) > _WORTH_TELLING:
             rows["camera has crept"] = f"by {x:+.2f}, {y:+.2f} px against its mirrors; corrected"

@@ -155,13 +155,11 @@ class Adjuster:
         fixed = np.arange(len(keyframes)) < n_fixed
         plane = np.concatenate([k.observations.plane[r] for k, r in zip(keyframes, rows)])
         view = np.concatenate([k.observations.view[r] for k, r in zip(keyframes, rows)]).astype(np.int64)
-        readout, sweep_of_all = self._map.readout, None
-        if readout or swept:
-            sweep_of_all = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
-            plane = plane - readout * sweep_of_all
         nuisances = None
-        if swept and sweep_of_all is not None:
-            nuisances = self._nuisances(plane, view, sweep_of_all)
+        if self._map.readout or swept:
+            shift = np.concatenate([self._sweep(k, r) for k, r in zip(keyframes, rows)])
+            plane = plane - self._map.readout * shift
+            nuisances = self._nuisances(plane, view, shift) if swept else None
         bundle = Bundle(
             T_world_rig=np.stack([k.T_world_rig for k in keyframes]),
             fixed=fixed,
@@ -175,10 +173,10 @@ class Adjuster:
         )
         return bundle, used
 
-    def _nuisances(self, plane: Array, view: Index, sweep_of_all: Array) -> Nuisances:
+    def _nuisances(self, plane: Array, view: Index, by_readout: Array) -> Nuisances:
         several = self._optics.n_views > 1
-        shift = shift_by_creep(plane, view, self._optics) if several else None
-        return Nuisances.of(self._map.readout, self._map.creep, sweep_of_all, shift)
+        by_creep = shift_by_creep(plane, view, self._optics) if several else None
+        return Nuisances.of(self._map.readout, self._map.creep, by_readout, by_creep)
 
     def _sweep(self, keyframe: Keyframe, rows: NDArray[np.bool_]) -> Array:
         """What a second of readout does to some observations of a keyframe."""

@@ -177,9 +177,7 @@ class Map:
         self.keyframes: list[Keyframe] = []
         self.since = 0  # keyframe with which the map went on after a gap that only wheels have crossed
         self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
-        self.creep = np.zeros(
-            2
-        )  # px (x, y) by which the image has crept against the rig's file, as estimated
+        self.creep = np.zeros(2)  # px (x, y) by which the image lies off the rig's file, as estimated
 
     @property
     def young(self) -> bool:

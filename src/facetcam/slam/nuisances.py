@@ -44,12 +44,13 @@ class Nuisances:
     by: Array
 
     @classmethod
-    def of(cls, readout: float, creep: Array, sweep: Array, shift: Array | None) -> Nuisances:
-        """The readout, whose `sweep` (M, 2) is given, and with the `shift` (M, 2, 2) of a pixel the creep."""
-        if shift is None:
-            return cls(np.array([readout]), np.array([READOUT_SIGMA]), sweep[:, :, None])
+    def of(cls, readout: float, creep: Array, by_readout: Array, by_creep: Array | None) -> Nuisances:
+        """The readout with its derivative (M, 2), and the creep if it has one (M, 2, 2)."""
+        if by_creep is None:
+            return cls(np.array([readout]), np.array([READOUT_SIGMA]), by_readout[:, :, None])
         sigma = np.array([READOUT_SIGMA, CREEP_SIGMA, CREEP_SIGMA])
-        return cls(np.array([readout, *creep]), sigma, np.concatenate([sweep[:, :, None], shift], axis=2))
+        by = np.concatenate([by_readout[:, :, None], by_creep], axis=2)
+        return cls(np.array([readout, *creep]), sigma, by)
 
     def of_readout(self) -> Nuisances:
         """The readout alone, for a rig whose own principal point moves."""

@@ -30,7 +30,7 @@ from facetcam.slam.two_frames import (
     estimate_motion,
     standing_views,
 )
-from facetcam.slam.witnesses import shares
+from facetcam.slam.witnesses import LEAST_IN_VIEW, shares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -190,12 +190,15 @@ class Starter:
         return solved, len(solved) / (len(waiting) - 2) if len(waiting) > 2 else 1.0
 
     def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
-        """Poses of the frames that were left behind, from the first keyframe backwards."""
+        """Poses of the frames that were left behind, from the first keyframe backwards.
+
+        Where several views bear out the first keyframe, one view does not do: a plane in it has two poses.
+        """
         solved = []
-        T = a.T_world_rig
+        T, needed = a.T_world_rig, min(_witnesses(a.observations.view), 2)
         for before in reversed(passed):
             fix = self._tracker.find(before.frame, T)
-            if not _is_clear(fix):
+            if not _is_clear(fix) or _witnesses(fix.seen.view) < needed:
                 break
             T = fix.T_world_rig
             solved.append((before.frame.timestamp, fix))
@@ -204,6 +207,11 @@ class Starter:
 
 def _is_clear(fix: Fix | None) -> TypeGuard[Fix]:
     return fix is not None and fix.clear
+
+
+def _witnesses(view: NDArray[np.int8]) -> int:
+    """Count the views with enough of the measurements."""
+    return int(np.count_nonzero(np.bincount(view) >= LEAST_IN_VIEW))
 
 
 def _interpolated(a: Keyframe, b: Keyframe, timestamp: float) -> Array:

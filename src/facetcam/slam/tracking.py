@@ -18,6 +18,7 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
 from facetcam.slam.relocalisation import AGREEING, Relocaliser
 from facetcam.slam.shutter import at_one_moment
+from facetcam.slam.witnesses import LEAST_IN_VIEW
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -28,7 +29,6 @@ _AT_REST = np.zeros(6)
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
-_LEAST_IN_VIEW = 5  # measurements without which a view is no witness
 _BY_CHANCE = 0.2  # share of the predictions that any pose may find
 _VIEWS = 128  # at most
 _BESIDE = (0.2, 0.2)  # radians and metres within which two poses are one place
@@ -65,7 +65,7 @@ class Fix:
         By chance alone some patches of many agree with any pose.
         """
         seen, expected = (np.bincount(rows.view, minlength=_VIEWS) for rows in (self.seen, self.predictions))
-        witness = (seen >= _LEAST_IN_VIEW) & (seen >= _LIKELY * expected)
+        witness = (seen >= LEAST_IN_VIEW) & (seen >= _LIKELY * expected)
         return bool(witness.any() or len(self.seen) >= _BY_CHANCE * len(self.predictions) or self.sharp)
 
     @property

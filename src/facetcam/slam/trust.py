@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.tracking import Fix
+from facetcam.slam.witnesses import LEAST_IN_VIEW
 
 Array = NDArray[np.float64]
 
@@ -16,7 +17,6 @@ _PROBATION = 5  # frames after a loss
 _AGAIN = 3  # frames that must find the same pose where none of them is sure
 _AGAINST_WHEELS = 6  # and where the wheels say something else
 _WITNESSES = 2  # views
-_LEAST_IN_VIEW = 5  # measurements without which a view is no witness
 _SHARE_IN_VIEW = 0.4  # of what was expected in it, by which a view is a witness by itself
 _SAME_METRES = 0.3
 _SAME_RADIANS = 0.3
@@ -84,7 +84,7 @@ class Trust:
         seen, expected = (
             np.bincount(rows.view, minlength=self.n_views) for rows in (fix.seen, fix.predictions)
         )
-        confirms = seen >= _LEAST_IN_VIEW
+        confirms = seen >= LEAST_IN_VIEW
         if not (fix.sharp and fix.likely):
             confirms &= (seen >= _SHARE_IN_VIEW * expected) & (self.n_views > 1)
         return int(confirms.sum()) + int(self.n_views == 1 and confirms[0])

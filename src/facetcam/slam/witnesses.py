@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 Rows = NDArray[np.bool_]
 
 MIN_VIEW_MATCHES = 12  # pairs without which a view is no witness
+LEAST_IN_VIEW = 5  # measurements of the map without which it is none
 
 
 def shares(views: NDArray[np.int8], says: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
