@@ -84,6 +84,9 @@ def test_boards_of_the_house(shared_data: Path) -> None:
         (f"boards: [{NORTH.replace('marker: 0.045', 'first_id: 3')}]", "needs 'marker'"),
         (f"boards: [{NORTH.replace('[11, 8]', '[2, 8]')}]", "must be 3 to 500"),
         ("boards: [{name: a, type: chessboard, squares: [8, 7], square: -1}]", "above zero"),
+        ("boards: [{name: a, type: chessboard, squares: [8, 7], square: 60}]", "would be 480 m wide; give"),
+        ("boards: [{name: a, type: chessboard, squares: [8, 7], square: 6e-5}]", "0.00048 m wide; give"),
+        (f"boards: [{NORTH.replace('0.06', '60').replace('0.045', '45')}]", "square 60 is in metres"),
         ("boards: [{name: a, type: chessboard, squares: [8, 7]}]", "missing key 'square'"),
     ],
 )

@@ -196,7 +196,7 @@ def test_photos_turned_by_a_program(tmp_path: Path) -> None:
         fit_together(found[1:], SIZE)
 
 
-@pytest.mark.parametrize(("factor", "wide"), [(1000.0, "180"), (0.001, "0.00018")])
+@pytest.mark.parametrize(("factor", "wide"), [(30.0, "5.4"), (0.03, "0.0054")])
 def test_squares_told_in_other_units(factor: float, wide: str) -> None:
     told = replace(BOARD, square=factor * BOARD.square, marker=factor * BOARD.marker)
     (line,) = oversized(BoardSet((told,)))

@@ -25,6 +25,7 @@ DICTIONARIES = {
     for name in dir(cv2.aruco)
     if name.startswith("DICT_") and isinstance(getattr(cv2.aruco, name), int)
 }
+SQUARES = 5e-4, 2.0  # metres; other numbers are in other units
 MOST_SQUARES = 500  # a side; beyond, no photo would resolve them
 
 
@@ -76,8 +77,13 @@ class Board:
         least = 1 if self.kind == "aprilgrid" else 3
         if not all(least <= n <= MOST_SQUARES for n in self.squares):
             raise self._error(f"squares {list(self.squares)} must be {least} to {MOST_SQUARES} a side")
-        if not 0.0 < self.square < 1e3:
+        if not 0.0 < self.square < np.inf:
             raise self._error(f"square {self.square:g} must be a length in metres above zero")
+        if not SQUARES[0] <= self.square <= SQUARES[1]:
+            raise self._error(
+                f"square {self.square:g} is in metres, the board would be {max(self.size):.3g} m wide;"
+                " give square and marker in metres, as 0.06 for 60 mm"
+            )
         if self.kind in MARKED:
             self._check_markers()
         elif self.marker is not None or self.dictionary is not None:
