@@ -16,6 +16,7 @@ from facetcam.calibration.fit import Fit
 from facetcam.calibration.preflight import preflight
 from facetcam.calibration.quality import Validation
 from facetcam.calibration.result import Calibration
+from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
 from facetcam.calibration.synthetic import projected_sightings
 from facetcam.calibration.validation import validate
@@ -119,14 +120,28 @@ def test_names_the_photos_of_another_camera() -> None:
     assert "1330" in found[0].text or "1329" in found[0].text or "1331" in found[0].text
 
 
+def without_left(sightings: list[Sighting]) -> list[Sighting]:
+    truth = solve(RIG, SET, sightings)
+    view = {(f.sighting.photo, f.sighting.board, len(f.sighting)): f.sighting.view for f in truth.sightings}
+    return [s for s in sightings if view.get((s.photo, s.board, len(s))) != "left"]
+
+
+def test_a_mirror_that_no_photo_shows_stays_as_drawn() -> None:
+    drawing = disturbed(RIG, 1.0, 0.002, 0.03, 0)
+    found = solve(drawing, SET, without_left(sightings_of(RIG, SET, 16, NOISE)))
+    (unknown,) = (u for u in found.unobservable if not u.harmless)
+    assert unknown.what == "no photo shows a board in view 'left'; mirror 'left' stays as drawn"
+    assert "in view 'left'" in unknown.advice
+    assert found.rig.mirrors["left"] == drawing.mirrors["left"]
+    assert found.rig.covariance is not None and set(found.rig.covariance.axes) == {"front", "back", "right"}
+    assert not any(name.startswith("left") for name in found.parameters.names)
+
+
 def test_says_before_the_solve_which_view_is_missing() -> None:
     sightings = sightings_of(RIG, SET, 16, NOISE)
     whole = preflight(RIG, SET, sightings)
     assert whole.enough and min(whole.sightings.values()) > 0
-    truth = solve(RIG, SET, sightings)
-    view = {(f.sighting.photo, f.sighting.board, len(f.sighting)): f.sighting.view for f in truth.sightings}
-    without = [s for s in sightings if view.get((s.photo, s.board, len(s))) != "left"]
-    partial = preflight(RIG, SET, without)
+    partial = preflight(RIG, SET, without_left(sightings))
     assert not partial.enough
     assert any("'left'" in u.what and "no photo" in u.what for u in partial.unobservable)
     assert any("'left'" in line for line in partial.advice)
