@@ -103,10 +103,21 @@ def test_says_that_views_seen_alone_cannot_be_tied() -> None:
     result = solve(rig, set, list(seen.values()))
     alone = [u for u in result.unobservable if "alone" in u.what]
     assert {m for u in alone for m in u.mirrors} == {s.view for s in result.fit.sightings}
-    assert all("at once" in u.advice for u in alone)
+    assert all("two boards at once" in u.advice and "fixed" not in u.advice for u in alone)
     assert [u.mirrors for u in result.unobservable if "in no view" in u.what] == [("left",)]
     sigma = dict(zip(result.parameters.names, result.parameters.sigma))
     assert all(np.isnan(sigma[f"{u.mirrors[0]}: tilt u"]) for u in alone)
+
+
+def test_loose_boards_of_views_seen_alone_may_be_fixed() -> None:
+    set = boards(4, False)
+    seen: dict[tuple[int, int], Sighting] = {}
+    for s in sightings_of(presets.ryu(), set, 12, 0.1, 1):  # every board in one view of a photo
+        seen.setdefault((s.photo, s.board), s)
+    result = solve(presets.ryu(), set, list(seen.values()))
+    alone = [u for u in result.unobservable if "alone" in u.what]
+    assert len(alone) == 4 and all("the same board in two views" in u.advice for u in alone)
+    assert all("'fixed: true'" in u.advice for u in alone)
 
 
 def test_refuses_sightings_that_give_no_pose() -> None:

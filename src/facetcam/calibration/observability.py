@@ -146,12 +146,12 @@ def _of_mirrors(fit: Fit, mirrors: tuple[str, ...], others: Sequence[str]) -> Un
     what = _listed(mirrors, "mirror")
     if alone:
         views = _listed(alone, "view")
-        moving = "the same board in two views" if fit.places == (-1,) else "two boards at once"
-        return Unknown(
-            f"{what} cannot be known: {views} {'is' if len(alone) == 1 else 'are'} seen only alone",
-            f"show {moving}, one in {views} and one in another view",
-            mirrors,
-        )
+        loose = fit.places == (-1,)
+        advice = f"show {_pair(loose)}, one in {views} and one in another view"
+        if loose and len({s.board for s in fit.sightings}) > 1:
+            advice += "; or fix the boards to each other, which 'fixed: true' in boards.yaml tells"
+        seen = "is" if len(alone) == 1 else "are"
+        return Unknown(f"{what} cannot be known: {views} {seen} seen only alone", advice, mirrors)
     beside = f" (with {_joined(others)})" if others else ""
     return Unknown(
         f"{what}{beside} cannot be known: the photos tie {'its' if len(mirrors) == 1 else 'their'} views to"
@@ -159,6 +159,10 @@ def _of_mirrors(fit: Fit, mirrors: tuple[str, ...], others: Sequence[str]) -> Un
         f"add photos with boards in the views of {what} and in others at once, near, over all of each view",
         mirrors,
     )
+
+
+def _pair(loose: bool) -> str:
+    return "the same board in two views" if loose else "two boards at once"
 
 
 def _shared(fit: Fit, view: str) -> bool:
