@@ -1,4 +1,4 @@
-"""Photos of another camera, and boards of a fixed set that moved: found, named and worked round."""
+"""Photos of another camera or focus, and boards of a fixed set that moved: found, named and worked round."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from facetcam.calibration.evidence import (
     worst_sighting,
 )
 from facetcam.calibration.fit import Fit
+from facetcam.calibration.focus import in_one_focus, other_focus
 from facetcam.calibration.moved_boards import moved_board
 from facetcam.calibration.other_camera import another_camera
 from facetcam.calibration.result import Finding
@@ -55,10 +56,19 @@ def without_intruders(fit: Fit, boards: BoardSet) -> tuple[Fit, tuple[Finding, .
         best = _best_explanation((fit, tight), boards, noise)
         if best is None or best.price > sum(misfit(tight.solved(snap(noise)), noise).values()) - CLEAR:
             break
+        if best.finding.kind != "other camera" and _is_explained_by_focus(tight, noise, best.price):
+            break
         findings.append(best.finding)
         fit = best.fit.solved(10.0)
-    fit, small = moved_a_little(fit.solved(TIGHT), boards)
-    return fit, (*findings, *small)
+    fit, focus, one = in_one_focus(fit.solved(TIGHT))
+    # Boards seem to stand apart where the focal length differs, though none moved.
+    fit, small = moved_a_little(fit, boards) if one else (fit, ())
+    return fit, (*findings, *focus, *small)
+
+
+def _is_explained_by_focus(fit: Fit, noise: float, price: float) -> bool:
+    focus = other_focus(fit, noise)
+    return focus is not None and focus.price < price
 
 
 def _require_majority(fit: Fit) -> None:

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _SIGMAS = 4.0
-_RAYLEIGH = 1.1774  # median length of a vector of two unit normal coordinates
+RAYLEIGH = 1.1774  # median length of a vector of two unit normal coordinates
 _LEAST_NOISE = 0.002  # pixels
 _USUAL = 10.0
 _WORST = 5.0  # spread of a sighting that is still believed
@@ -30,7 +30,7 @@ _STRANGE = 5.0  # pixels by which a sighting may be off before corners are rejec
 def noise_of(fit: Fit) -> float:
     """Standard deviation of a corner coordinate in a usual sighting, from the middle of the residuals."""
     lengths = np.linalg.norm(fit.residuals, axis=1) / fit.looks.noise
-    return max(float(np.median(lengths)) / _RAYLEIGH, _LEAST_NOISE) if len(lengths) else _LEAST_NOISE
+    return max(float(np.median(lengths)) / RAYLEIGH, _LEAST_NOISE) if len(lengths) else _LEAST_NOISE
 
 
 def believed(fit: Fit, sigma: float) -> Mask:
@@ -49,7 +49,7 @@ def spread_of(fit: Fit, sigma: float) -> Array:
     count = np.bincount(looks.sighting, minlength=len(looks.view)).astype(np.float64)
     at_station = np.bincount(looks.station, weights=count, minlength=len(fit.stations))
     free = np.maximum(2.0 * count - 6.0 * count / at_station[looks.station], 0.0)
-    lengths = np.linalg.norm(fit.residuals, axis=1) / (_RAYLEIGH * sigma)
+    lengths = np.linalg.norm(fit.residuals, axis=1) / (RAYLEIGH * sigma)
     middle = np.array([np.median(lengths[a:b]) if b > a else 1.0 for a, b in looks.bounds])
     own = middle**2 * 2.0 * count  # sum of squares, without strays
     return np.minimum(np.sqrt((_USUAL + own) / (_USUAL + free)), _WORST)

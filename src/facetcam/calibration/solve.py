@@ -88,9 +88,10 @@ def solve(
     if look_again is not None:
         fit = settled(looked_again(fit, boards, look_again))
     done()
-    result = _calibration(
-        fit, boards, intruders + findings_of(strange, boards) + crept(fit), noise_of(fit), began
-    )
+    # Another focal length shifts views as creep does.
+    creep = () if any(f.kind == "focus" for f in intruders) else crept(fit)
+    findings = intruders + findings_of(strange, boards) + creep
+    result = _calibration(fit, boards, findings, noise_of(fit), began)
     done()
     return result
 

@@ -44,6 +44,8 @@ def doubts_of(calibration: Calibration, validation: Validation | None) -> list[s
         doubts.append(f"{things} could not be determined")
     if any(f.kind == "moved board" for f in calibration.findings):
         doubts.append("a board moved")
+    if any(f.kind == "focus" for f in calibration.findings):
+        doubts.append("the focal length changed from photo to photo")
     if any(f.kind == "scale" for f in calibration.findings):
         doubts.append("the squares' size or the drawing is wrong")
     if validation is not None and validation.flatness is not None and not validation.flatness.flat:
