@@ -54,24 +54,28 @@ def _scene(boards: BoardSet, placed: Mapping[int, Array]) -> MeshRenderer:
 def _panel(board: Board, T: Array) -> Mesh:
     """The board on a white sheet with a rim of half a square."""
     picture = drawing(board)
-    rim = 0.5 * board.square
-    size = np.array(board.size) + 2 * rim
+    metres = board.square / SQUARE_TEXELS
+    rim, size = metres * (SQUARE_TEXELS // 2), metres * np.array(picture.shape[1::-1])
     corner = T[:3, 3] - rim * (T[:3, 0] + T[:3, 1])
     return quad(corner, size[0] * T[:3, 0], size[1] * T[:3, 1], Material(picture))
 
 
 @cache
 def drawing(board: Board) -> Image:
-    """The board, RGB, `SQUARE_TEXELS` a square, with its rim; edges between texels are mixed."""
+    """The board, RGB, `SQUARE_TEXELS` a square, with a rim; edges between texels are mixed."""
     scale, rim = SQUARE_TEXELS / board.square, SQUARE_TEXELS // 2
-    width, height = (round(scale * side) + 2 * rim for side in board.size)
-    finer = 4
-    dark = np.zeros((height * finer, width * finer), np.float32)
+    width, height = (int(np.ceil(scale * side - 1e-6)) + 2 * rim for side in board.size)
+    dark = np.zeros((height, width))
     for x, y, w, h in np.concatenate(black_shapes(board)) * scale + (rim, rim, 0, 0):
-        dark[round(finer * y) : round(finer * (y + h)), round(finer * x) : round(finer * (x + w))] = 1.0
-    share = cv2.resize(dark, (width, height), interpolation=cv2.INTER_AREA)
-    grey = np.rint(WHITE + (BLACK - WHITE) * share).astype(np.uint8)
+        dark += np.outer(_covered(y, y + h, height), _covered(x, x + w, width))
+    grey = np.rint(WHITE + (BLACK - WHITE) * np.clip(dark, 0, 1)).astype(np.uint8)
     return np.repeat(grey[..., None], 3, axis=2)
+
+
+def _covered(start: float, end: float, count: int) -> Array:
+    """Share of each of so many texels between two places."""
+    texels = np.arange(count)
+    return np.clip(np.minimum(end, texels + 1) - np.maximum(start, texels), 0.0, 1.0)
 
 
 @cache

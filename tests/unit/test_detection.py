@@ -12,6 +12,7 @@ from board_photos import photo
 from numpy.typing import NDArray
 
 from facetcam.calibration import Board, BoardSet
+from facetcam.calibration import corners as module
 from facetcam.calibration.corners import refine
 from facetcam.calibration.detection import detect
 from facetcam.calibration.markers import read_markers
@@ -138,6 +139,15 @@ def test_a_corner_cut_by_a_seam_is_refused() -> None:
     seam[:, int(corner[0]) + 2 :] = 0
     assert not refine(seam, corner, square)[1].any()
     assert not refine(image, [[1e9, np.nan], [-5.0, 3.0]], square)[1].any()
+
+
+def test_a_prediction_that_comes_back_untouched_is_not_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    image, corners = printed(CHARUCO)
+    corner, square = corners[len(corners) // 2], 0.027 * DPI / 0.0254
+    monkeypatch.setattr(module, "fit_saddles", lambda image, start, *sizes: np.full_like(start, np.nan))
+    assert refine(image, corner + np.array([0.8, -0.7]), square)[1].all()
+    monkeypatch.setattr(cv2, "cornerSubPix", lambda image, corners, *settings: corners)
+    assert not refine(image, corner, square)[1].any()
 
 
 @pytest.mark.parametrize("mirrored", [False, True])

@@ -10,7 +10,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.calibration.bent_edges import drawn_aside
 from facetcam.calibration.boards import Board
+from facetcam.calibration.corners import radius_of
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.guidance import LookAgain
 from facetcam.calibration.optics import MirrorOptics
@@ -62,7 +64,7 @@ def completed(calibration: Calibration, look_again: LookAgain) -> tuple[Rig, lis
         for name in sorted(rig.views, key=lambda n: len(rig.views[n].mirrors)):
             old = [s for s in known if (s.board, s.view) == (index, name)]
             found = _looked(rig, name, calibration.boards.boards[index], T, photo, index, before, look_again)
-            best = max([*old, *([found] if found else [])], key=len, default=None)
+            best = max([*([found] if found else []), *old], key=len, default=None)
             if best is not None:
                 out.append(best)
                 outline = _outline(rig, name, calibration.boards.boards[index], T)
@@ -79,10 +81,14 @@ def _looked(
 ) -> Sighting | None:
     if se3.inverse(se3.inverse(rig.T_rig_image(name)) @ T)[2, 3] >= 0:
         return None  # the board turns its back
-    pixels, seen = rig.project(name, se3.transform(T, board.points))
+
+    def shown(points: Array) -> tuple[Array, NDArray[np.bool_]]:
+        return rig.project(name, se3.transform(T, points))
+
+    pixels, seen = shown(board.points)
     square = np.full(len(pixels), np.inf)
     for side in np.concatenate([np.eye(3)[:2], -np.eye(3)[:2]]) * board.corner_square:
-        beside, there = rig.project(name, se3.transform(T, board.points + side))
+        beside, there = shown(board.points + side)
         square = np.minimum(square, np.where(there, np.linalg.norm(beside - pixels, axis=1), 0.0))
     for outline in before:
         inside = [cv2.pointPolygonTest(outline, (float(u), float(v)), True) > -5.0 for u, v in pixels]
@@ -91,6 +97,8 @@ def _looked(
     if len(rows) < _LEAST:
         return None
     found, good = look(photo, pixels[rows], square[rows])
+    radius = radius_of(square[rows])
+    found = found - drawn_aside(lambda p: shown(p)[0], board.points[rows], board.corner_square, radius)
     good &= np.linalg.norm(found - pixels[rows], axis=1) < _ASTRAY * square[rows]
     if good.sum() < max(_LEAST, _SHARE * len(rows)):
         return None

@@ -21,6 +21,15 @@ _SYMMETRY = 0.35  # largest mean difference of opposite samples, in contrasts
 _SETTLED = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 40, 1e-3)
 
 
+def radius_of(square_px: ArrayLike) -> Array:
+    """Radius (N,) in pixels of the circle in which edges are fitted, by the shortest side of a square."""
+    return np.asarray(_RADIUS * _window(np.asarray(square_px, dtype=np.float64)))
+
+
+def _window(square_px: Array) -> NDArray[np.int64]:
+    return np.clip(np.rint(WINDOW * square_px), LEAST_WINDOW, MOST_WINDOW).astype(np.int64)
+
+
 def refine(
     image: NDArray[np.uint8], predicted: ArrayLike, square_px: ArrayLike, contrast: float = 12.0
 ) -> tuple[Array, Bools]:
@@ -47,7 +56,7 @@ def refine(
     """
     start = np.asarray(predicted, dtype=np.float64).reshape(-1, 2)
     wanted = np.broadcast_to(np.asarray(square_px, dtype=np.float64), len(start))
-    window = np.clip(np.rint(WINDOW * wanted), LEAST_WINDOW, MOST_WINDOW).astype(int)
+    window = _window(wanted)
     height, width = image.shape
     room = (start >= window[:, None] + 1) & (start <= np.array([width, height]) - 2 - window[:, None])
     inside = np.isfinite(start).all(axis=1) & room.all(axis=1)
@@ -55,12 +64,13 @@ def refine(
     for half in np.unique(window[inside]):
         rows = inside & (window == half)
         corners = np.ascontiguousarray(start[rows], dtype=np.float32).reshape(-1, 1, 2)
-        found = cv2.cornerSubPix(image, corners, (int(half),) * 2, (-1, -1), _SETTLED)
+        found = cv2.cornerSubPix(image, corners.copy(), (int(half),) * 2, (-1, -1), _SETTLED)
         rough = found[:, 0].astype(np.float64)
         fine = fit_saddles(image, rough, _RADIUS * half, max(_STRIP * half, LEAST_WINDOW))
+        # What finds no corner gives the prediction back: it must not count as seen.
+        rough[(rough == corners[:, 0]).all(axis=1)] = np.inf
         pixels[rows] = np.where(np.isnan(fine), rough, fine)
-    moved = np.linalg.norm(pixels - start, axis=1)
-    accepted = inside & (moved <= 1.5 * window)
+    accepted = inside & (np.linalg.norm(pixels - start, axis=1) <= 1.5 * window)
     accepted[accepted] = looks_like_corner(image, pixels[accepted], window[accepted], contrast)
     return np.where(accepted[:, None], pixels, start), accepted
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.calibration.bent_edges import drawn_aside
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.candidates import ViewDepths
+from facetcam.calibration.corners import radius_of
 from facetcam.calibration.fit import Fit, looks_of
 from facetcam.calibration.sightings import Sighting
 from facetcam.geometry import se3
@@ -18,6 +20,7 @@ from facetcam.rig import Rig
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
+# Corners where straight edges fit best, as `corners.refine` has them.
 LookAgain = Callable[[int, Array, Array], tuple[Array, Mask]]
 
 SEAM = 3.0  # pixels beside a seam in which a corner may be mixed with another view
@@ -28,10 +31,11 @@ _SMALLEST = 6.0  # pixels a square; in smaller ones corners run together
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """Corners of one board that one view of one photo should show."""
+    """Corners of one board that one view of one photo should show; bent edges draw them `aside`."""
 
     sighting: Sighting
     square_px: Array
+    aside: Array
     place: int
     station: int
 
@@ -51,6 +55,7 @@ def looked_again(fit: Fit, boards: BoardSet, look_again: LookAgain) -> Fit:
             np.concatenate([e.square_px for e in expected]),
         )
         ends = np.cumsum([len(e.sighting) for e in expected])[:-1]
+        pixels = pixels - np.concatenate([e.aside for e in expected])
         found += zip(expected, np.split(pixels, ends), np.split(accepted, ends))
     found = [(e, pixels, seen) for e, pixels, seen in found if seen.any()]
     sightings = [
@@ -78,20 +83,20 @@ def expected_corners(fit: Fit, rig: Rig, depths: ViewDepths, boards: BoardSet, p
         T_rig_board = fit.state.T_rig_station[station] @ fit.state.T_station_board[place]
         for view, name in enumerate(fit.views):
             known = _believed(fit, photo, index, name)
-            corners, pixels, square = _in_view(rig, name, depths, view, T_rig_board, board, known)
+            corners, pixels, square, aside = _in_view(rig, name, depths, view, T_rig_board, board, known)
             if len(corners):
                 sighting = Sighting(photo, index, corners, pixels, rig.is_flipped(name), name)
-                out.append(Expected(sighting, square, place, station))
+                out.append(Expected(sighting, square, aside, place, station))
     return out
 
 
 def _in_view(
     rig: Rig, name: str, depths: ViewDepths, view: int, T_rig_board: Array, board: Board, known: Index
-) -> tuple[Index, Array, Array]:
-    """Corners that a view should show, their pixels, and the size of a square there."""
+) -> tuple[Index, Array, Array, Array]:
+    """Corners that a view should show, their pixels, a square's side there, and how far they are aside."""
     T_image_board = se3.inverse(rig.T_rig_image(name)) @ T_rig_board
     if se3.inverse(T_image_board)[2, 3] >= 0:  # the board turns its back
-        return np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0)
+        return np.empty(0, dtype=np.int64), np.empty((0, 2)), np.empty(0), np.empty((0, 2))
     pixels, on_sensor = rig.camera.project(se3.transform(T_image_board, board.points))
     sides = []
     for side in np.eye(3)[:2] * board.corner_square:
@@ -108,7 +113,13 @@ def _in_view(
         near = gaps.min(axis=1) < _BESIDE * board.square
     visible = on_sensor & (square > _SMALLEST) & ((reached & clear) | near)
     corners = np.flatnonzero(visible)
-    return corners, pixels[corners], square[corners]
+    square = square[corners]
+
+    def seen(points: Array) -> Array:
+        return rig.camera.project(se3.transform(T_image_board, points))[0]
+
+    aside = drawn_aside(seen, board.points[corners], board.corner_square, radius_of(square))
+    return corners, pixels[corners], square, aside
 
 
 def _believed(fit: Fit, photo: int, board: int, view: str) -> Index:

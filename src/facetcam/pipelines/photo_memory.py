@@ -18,7 +18,7 @@ from facetcam.calibration.sightings import Sighting
 from facetcam.errors import FacetcamError
 from facetcam.io.outputs import atomic_write
 
-METHOD = 4  # of detection: another one makes what is remembered useless
+METHOD = 5  # of detection: another one makes what is remembered useless
 
 
 @dataclass(frozen=True, eq=False)
