@@ -10,7 +10,7 @@ import pytest
 from calibration_worlds import boards, disturbed, sightings_of, walk
 
 from facetcam.calibration.across_views import across_views
-from facetcam.calibration.covariance import shared_covariance
+from facetcam.calibration.covariance import knowledge, shared_covariance
 from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.preflight import preflight
@@ -19,8 +19,9 @@ from facetcam.calibration.result import Calibration
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
 from facetcam.calibration.synthetic import projected_sightings
+from facetcam.calibration.uncertainty import uncertainty_maps
 from facetcam.calibration.validation import validate
-from facetcam.rig import Rig, presets
+from facetcam.rig import Rig, View, presets
 
 NOISE = 0.1
 RIG, SET = presets.ryu(), boards(8, True)
@@ -79,6 +80,33 @@ def test_maps_predict_the_error_of_the_views(calibration: Calibration, judged: V
         assert np.nanmedian(m.sigma_mm) == pytest.approx(
             np.nanmedian(m.sigma_px) / 1250 * m.depth * 1e3, rel=0.3
         )
+
+
+def test_maps_lie_over_their_views(calibration: Calibration, judged: Validation) -> None:
+    labels = calibration.rig.labels()
+    for m in judged.maps:
+        assert max(m.u.shape) == pytest.approx(40, abs=1)
+        step = m.u[0, 1] - m.u[0, 0]
+        area = np.count_nonzero(labels == RIG.view_names.index(m.view))
+        assert step**2 * np.isfinite(m.sigma_px).sum() == pytest.approx(area, rel=0.05)
+
+
+def test_what_is_unknown_of_the_lens_far_from_all_boards_spoils_no_map_near_them() -> None:
+    set = boards(2, False, 0.02, (9, 7))
+    camera = RIG.camera
+    rig = Rig(replace(camera, distortion=(-0.1, 0.03, 0.0, 0.0, 0.0)), np.eye(4), {}, {"direct": View(())})
+    middle = np.array([[camera.cx, camera.cy]])
+    sightings = []
+    for s in sightings_of(rig, set, 30, NOISE):
+        near = np.linalg.norm(s.pixels - middle, axis=1) < 0.5 * camera.cy
+        sightings.append(replace(s, corners=s.corners[near], pixels=s.pixels[near]))
+    found = solve(rig, set, sightings)
+    (m,) = uncertainty_maps(found.fit, knowledge(found.fit, NOISE), 0.5)
+    away = np.hypot(m.u - camera.cx, m.v - camera.cy)
+    inner, outer = (
+        np.nanmedian(m.sigma_px[part]) for part in (away < 0.4 * camera.cy, away > 1.4 * camera.cy)
+    )
+    assert inner < NOISE < 20 * inner < outer
 
 
 def test_the_rig_file_carries_what_is_known(calibration: Calibration, tmp_path: Path) -> None:

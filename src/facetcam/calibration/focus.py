@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,6 +29,7 @@ _MOST = 0.75  # quantile of the photos of which this is asked
 _MENDED = 0.25  # of what is beyond noise that may remain: scales do not mend what bends paper or lens
 _ROUNDS = 8
 _EXPLAINED = 4.0  # squared error that may remain in a photo: where more does, it is not the focal length
+_LEAST = 0.1  # pixels by which a corner of the image must move for it
 _SURE = 4.0  # sigmas that the focal length of a photo must be off
 _STILL = 1e-5  # step of a scale at which they have settled
 
@@ -87,16 +87,28 @@ def other_focus(fit: Fit, noise: float) -> Explanation | None:
             return None
         if float(np.abs(step).max()) < _STILL:
             break
-    before, after = _ratios(fit, noise), _ratios(found.fit, noise)
+    finding = _told(fit, found.fit, scale, sigma, noise)
+    return None if finding is None else replace(found, finding=finding)
+
+
+def _told(fit: Fit, scaled: Fit, scale: Array, sigma: Array, noise: float) -> Finding | None:
+    """Name the photos furthest from the usual focal length, if that explains them and is worth a word."""
+    before, after = _ratios(fit, noise), _ratios(scaled, noise)
     old, new = np.quantile([before, after], _MOST, axis=1).tolist()
     if old < _WRONG or new - 1.0 > _MENDED * (old - 1.0):
         return None
     off = scale / _usual(scale, sigma) - 1.0
-    sure = np.abs(off) > _SURE * sigma * max(1.0, float(np.sqrt(new)))
+    least = _LEAST / (0.5 * float(np.hypot(*fit.nominal.size)))
+    sure = np.abs(off) > np.maximum(least, _SURE * sigma * max(1.0, float(np.sqrt(new))))
     far = sure & (np.abs(off) > 0.5 * np.abs(off[sure]).max(initial=0.0))
     if not far.any() or after[far].max() > _EXPLAINED:
         return None
-    return replace(found, finding=_finding([p for p, f in zip(fit.photos, far) if f], off[far]))
+    worst = 100 * off[far][np.argmax(np.abs(off[far]))]
+    text = (
+        f"the focal length differs between photos, in {{photos}} by up to {worst:+.2f} %:"
+        " the lens was refocused or zoomed"
+    )
+    return Finding("focus", text, tuple(p for p, f in zip(fit.photos, far) if f))
 
 
 def _usual(scale: Array, sigma: Array) -> float:
@@ -136,12 +148,3 @@ def _steps(fit: Fit, number: Index, scale: Array, noise: float) -> tuple[Array, 
         information[number[rows[0]]] += told @ told
         right[number[rows[0]]] += told @ residual[rows].ravel()
     return right / information, noise / np.sqrt(information)
-
-
-def _finding(photos: Sequence[int], off: Array) -> Finding:
-    worst = 100 * off[np.argmax(np.abs(off))]
-    text = (
-        f"the focal length differs between photos, in {{photos}} by up to {worst:+.2f} %:"
-        " the lens was refocused or zoomed"
-    )
-    return Finding("focus", text, tuple(photos))

@@ -132,14 +132,14 @@ class State:
 
     def predict(self, looks: Looks) -> Array:
         """Pixels (N, 2) at which the corners should be seen."""
-        points = self._in_rig(looks)[1]
+        points = self.in_rig(looks)[1]
         out = np.empty((len(points), 2))
         for view, rows in looks.by_view:
             seen = self.optics.into_camera(view, points[rows])
             out[rows] = lens.project(self.model, self.intrinsics, seen)
         return out
 
-    def _in_rig(self, looks: Looks) -> tuple[Array, Array]:
+    def in_rig(self, looks: Looks) -> tuple[Array, Array]:
         """Corners in the frames of their stations and of the rig."""
         board, station = looks.board[looks.sighting], looks.station[looks.sighting]
         standing = _each(self.T_station_board[board], looks.points)
@@ -187,7 +187,7 @@ class Linear:
 
 def linearise(state: State, looks: Looks) -> Linear:
     """Predict all corners with derivatives."""
-    standing, points = state._in_rig(looks)
+    standing, points = state.in_rig(looks)
     lenses = len(state.intrinsics)
     widths = {view: len(state.optics.columns(view)) for view, _ in looks.by_view}
     width = max(widths.values(), default=0)

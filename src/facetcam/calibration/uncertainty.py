@@ -10,10 +10,13 @@ from facetcam.calibration.covariance import Knowledge
 from facetcam.calibration.fit import Fit
 from facetcam.calibration.quality import UncertaintyMap
 from facetcam.geometry import se3
+from facetcam.rig import Rig
 
 Array = NDArray[np.float64]
 
-_GRID = 40  # samples along the longer side of the sensor
+_GRID = 40  # samples along the longer side of a view
+_COARSE = 160  # of the sensor, by which the view is found on it
+_MOST = 500  # corners of a view by which rig frames are aligned
 _DEPTHS = (0.7, 1.5, 4.0)  # metres, at which rig frames are aligned
 
 
@@ -23,15 +26,14 @@ def uncertainty_maps(fit: Fit, known: Knowledge, depth: float = 2.0) -> tuple[Un
     The rig frame itself is a matter of choice; only what moves views against each other or
     bends them counts.
     """
-    rig, (width, height) = fit.rig, fit.nominal.size
-    step = max(width, height) / _GRID
-    u, v = np.meshgrid(np.arange(step / 2, width, step), np.arange(step / 2, height, step))
-    pixels = np.stack([u.ravel(), v.ravel()], axis=1)
+    rig = fit.rig
     to_motion = _motion_per_step(fit, known)
     maps = []
     for index, name in enumerate(fit.views):
+        u, v = _grid(rig, name)
+        pixels = np.stack([u.ravel(), v.ravel()], axis=1)
         inside = np.flatnonzero(rig.sees(name, pixels))
-        raw, by_motion, by_points = _slopes(fit, known, index, name, pixels[inside], depth)
+        raw, by_motion, by_points = _slopes(fit, known, index, _at(rig, name, pixels[inside], depth))
         aligned = raw + by_motion @ to_motion
         covariance = aligned @ known.covariance @ np.swapaxes(aligned, 1, 2)
         sigma = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, 1], 0.0)) if len(inside) else np.empty(0)
@@ -43,6 +45,20 @@ def uncertainty_maps(fit: Fit, known: Knowledge, depth: float = 2.0) -> tuple[Un
     return tuple(maps)
 
 
+def _grid(rig: Rig, view: str) -> tuple[Array, Array]:
+    """Pixels (H, W) of a grid over the part of the sensor on which a view lies."""
+    low, high = np.zeros(2), np.array(rig.size, dtype=np.float64)
+    for count in (_COARSE, _GRID):
+        step = float((high - low).max()) / count
+        u, v = np.meshgrid(*(np.arange(a + step / 2, b, step) for a, b in zip(low, high)))
+        seen = rig.sees(view, np.stack([u.ravel(), v.ravel()], axis=1)).reshape(u.shape)
+        if count == _GRID or not seen.any():
+            break
+        low = np.array([u[seen].min(), v[seen].min()]) - step / 2
+        high = np.array([u[seen].max(), v[seen].max()]) + step / 2
+    return u, v
+
+
 def aligned_slopes(fit: Fit, known: Knowledge) -> tuple[Array, Array]:
     """Derivatives (M, F) of pixels over all views by the free numbers, raw and with frames aligned."""
     raws, motions = _sampled(fit, known)
@@ -51,8 +67,18 @@ def aligned_slopes(fit: Fit, known: Knowledge) -> tuple[Array, Array]:
 
 
 def _motion_per_step(fit: Fit, known: Knowledge) -> Array:
-    """The motion (6, F) of the rig frame that best undoes a step of the free numbers."""
-    return _solve_motion(*_sampled(fit, known))
+    """The motion (6, F) of the rig frame that best undoes a step of the free numbers where corners were seen.
+
+    Elsewhere the lens may be off by many pixels, which must not turn the whole rig.
+    """
+    looks = fit.looks.only(fit.kept)
+    points = fit.state.in_rig(looks)[1]
+    raws, motions = [], []
+    for view, rows in looks.by_view:
+        raw, by_motion, _ = _slopes(fit, known, view, points[rows[:: max(1, len(rows) // _MOST)]])
+        raws.append(raw.reshape(-1, raw.shape[2]))
+        motions.append(by_motion.reshape(-1, 6))
+    return _solve_motion(np.concatenate(raws), np.concatenate(motions))
 
 
 def _solve_motion(raws: Array, motions: Array) -> Array:
@@ -68,18 +94,20 @@ def _sampled(fit: Fit, known: Knowledge) -> tuple[Array, Array]:
     for index, name in enumerate(fit.views):
         inside = rig.sees(name, pixels)
         for depth in _DEPTHS:
-            raw, by_motion, _ = _slopes(fit, known, index, name, pixels[inside], depth)
+            raw, by_motion, _ = _slopes(fit, known, index, _at(rig, name, pixels[inside], depth))
             raws.append(raw.reshape(-1, raw.shape[2]))
             motions.append(by_motion.reshape(-1, 6))
     return np.concatenate(raws), np.concatenate(motions)
 
 
-def _slopes(
-    fit: Fit, known: Knowledge, view: int, name: str, pixels: Array, depth: float
-) -> tuple[Array, Array, Array]:
+def _at(rig: Rig, view: str, pixels: Array, depth: float) -> Array:
+    """Points (N, 3) of the rig frame on the rays of pixels (N, 2)."""
+    origins, directions = rig.ray(view, pixels)
+    return np.asarray(origins + depth * directions)
+
+
+def _slopes(fit: Fit, known: Knowledge, view: int, points: Array) -> tuple[Array, Array, Array]:
     """Derivatives of pixels (N, 2) by free numbers, by a motion of the rig frame, and by the point."""
-    origins, directions = fit.rig.ray(name, pixels)
-    points = origins + depth * directions
     optics, state = fit.state.optics, fit.state
     by_rig, by_optics = optics.derivatives(view, points)
     seen = optics.into_camera(view, points)

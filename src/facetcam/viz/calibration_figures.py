@@ -15,6 +15,7 @@ from facetcam.viz.palette import view_colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
     from matplotlib.figure import Figure
 
     from facetcam.calibration.quality import UncertaintyMap
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 
 _COLUMNS = 4  # panels a row
 _WIDTH, _HEIGHT = 11.6, 4.6  # inches of a row of panels, at most
+_BAR = 0.55  # inches of a bar of colours
 _MARGIN = 0.06  # of a panel's size round what it shows
 _MOST_ARROWS = 1200  # a view
 
@@ -118,14 +120,26 @@ def uncertainty_maps(maps: Sequence[UncertaintyMap], names: Sequence[str]) -> st
             f"{_middle(entry.sigma_px)} px\n{_middle(entry.sigma_mm)} mm",
         )
     if drawn is not None:
-        bar = figure.colorbar(drawn, ax=list(panels.values()), shrink=0.75, aspect=28, pad=0.01)
-        bar.outline.set_visible(False)
-        bar.ax.tick_params(colors=MUTED, length=0, which="both", labelsize=8)
-        bar.set_label("sigma (px)", color=MUTED)
-        marks = np.geomspace(norm.vmin or low, norm.vmax or high, 4)
-        bar.set_ticks(list(marks), labels=[f"{mark:.2g}" for mark in marks])
-        bar.minorticks_off()
+        _colour_bar(figure, drawn)
     return to_svg(figure)
+
+
+def _colour_bar(figure: Figure, drawn: QuadMesh) -> None:
+    """A bar below all panels, for which the figure grows: they keep their size."""
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    width, height = figure.get_size_inches()
+    share = _BAR / (height + _BAR)
+    figure.set_size_inches(width, height + _BAR)
+    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, share, 1.0, 1.0 - share)))
+    place = figure.add_axes((0.01, 0.7 * share, 0.4, 0.18 * share))
+    bar = figure.colorbar(drawn, cax=place, orientation="horizontal")
+    bar.outline.set_visible(False)
+    bar.ax.tick_params(colors=MUTED, length=0, which="both", labelsize=8)
+    bar.set_label("sigma (px)", color=MUTED)
+    marks = np.geomspace(drawn.norm.vmin or 1e-6, drawn.norm.vmax or 1.0, 4).tolist()
+    bar.set_ticks(marks, labels=[number(mark, digits_of(mark, 0)) for mark in marks])
+    bar.minorticks_off()
 
 
 def residuals_by_photo(rms: Sequence[float], held_out: Mapping[int, float]) -> str:

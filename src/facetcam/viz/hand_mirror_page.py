@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from facetcam.calibration import lens
 from facetcam.calibration.hand_mirror import HandMirror
 from facetcam.calibration.hand_mirror_checks import Sigma
 from facetcam.calibration.result import FittedSighting
@@ -92,8 +93,7 @@ def residuals(report: HandMirrorReport) -> str:
 def lens_of(report: HandMirrorReport) -> list[tuple[str, float]]:
     """Numbers of the lens."""
     camera = report.found.rig.camera
-    names = ("fx", "fy", "cx", "cy"), (camera.fx, camera.fy, camera.cx, camera.cy)
-    return [*zip(*names), *((f"distortion {i}", v) for i, v in enumerate(camera.distortion, start=1))]
+    return list(zip(lens.NAMES[camera.model], lens.values_of(camera).tolist()))
 
 
 def photo_rows(report: HandMirrorReport) -> list[list[str]]:
