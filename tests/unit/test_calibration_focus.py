@@ -93,3 +93,20 @@ def test_other_faults_are_no_other_focus(world: str, fault: str) -> None:
 
     whole = [replace(s, pixels=spoiled(s.pixels)) for s in seen(world, placed(world, 5), 5)]
     assert not [f for f in found(world, whole, 5)[0] if "focus" in f.kind]
+
+
+@pytest.mark.parametrize("seed", [2, 4, 5])
+def test_few_photos_with_wrong_sightings_are_of_one_focus(seed: int) -> None:
+    """Three boards, most photos show two of them; a scale of each photo would take up what is wrong there."""
+    rig, set = presets.ryu(), boards(3, True, squares=(8, 4))
+    random = np.random.default_rng(seed)
+    sightings = []
+    for s in projected_sightings(rig, set, walk(rig, set, 20, seed), 0.0, seed):
+        pixels, noise = s.pixels, 0.004 * np.exp(random.normal()) * (6 if s.board == 1 else 1)
+        if random.random() < 0.12:
+            pixels = pixels + random.normal(0, 0.4, 2)
+            pixels = pixels + (pixels - pixels.mean(axis=0)) * random.normal(0, 0.004)
+        pixels = pixels + 0.5 * noise * random.normal(size=2) + noise * random.normal(size=pixels.shape)
+        sightings.append(replace(s, pixels=pixels))
+    result = solve(disturbed(rig, 3.0, 0.005, 0.1, seed), set, sightings)
+    assert not [f for f in result.findings if "focus" in f.kind]

@@ -82,6 +82,18 @@ def test_maps_predict_the_error_of_the_views(calibration: Calibration, judged: V
         )
 
 
+def test_a_mirror_that_is_bent_is_named(calibration: Calibration) -> None:
+    bowed = []
+    for f in calibration.sightings:
+        pixels, middle = f.sighting.pixels, np.array([RIG.camera.cx, RIG.camera.cy])
+        if f.sighting.view == "left":  # a bow of 1 mm over 100 mm turns and stretches what it shows
+            pixels = middle + 1.002 * (pixels - middle)
+        bowed.append(replace(f.sighting, pixels=pixels, view=None))
+    found = validate(solve(disturbed(RIG, 1.0, 0.002, 0.03, 0), SET, bowed)).flatness
+    assert found is not None and not found.flat
+    assert found.worst_view == "left" and found.ratio > 10.0
+
+
 def test_maps_lie_over_their_views(calibration: Calibration, judged: Validation) -> None:
     labels = calibration.rig.labels()
     for m in judged.maps:

@@ -12,8 +12,10 @@ from calibration_worlds import boards, disturbed, nudge, walk
 from numpy.typing import NDArray
 
 from facetcam.calibration.difference import projection_difference, room_points
+from facetcam.calibration.moved_boards import _placed_anew
 from facetcam.calibration.result import Finding
 from facetcam.calibration.sightings import Sighting
+from facetcam.calibration.small_moves import put_back
 from facetcam.calibration.solve import solve
 from facetcam.calibration.synthetic import projected_sightings
 from facetcam.rig import Rig, presets
@@ -84,3 +86,18 @@ def test_a_lens_that_is_not_quite_its_model_moves_no_board(world: str) -> None:
 
     bent = [replace(s, pixels=s.pixels + waves(s.pixels)) for s in seen(world, 2)]
     assert moved(world, bent, 2)[0] == []
+
+
+def test_a_move_that_explains_nothing_is_put_back() -> None:
+    world, seed = "ryu", 3
+    rig, set = WORLDS[world]
+    drawing = disturbed(rig, 1.0, 0.002, 0.03, seed)
+    said = Finding("moved board", "board 'board1' of the fixed set moved", tuple(LATER))
+    still = solve(drawing, set, seen(world, seed)).fit
+    astray = still.state.T_station_board[1] @ nudge(set.boards[1], 2e-5, 0.002, 1)
+    moved = _placed_anew(still, 1, list(LATER), astray).solved(None)
+    back, told = put_back(moved, set, (said,))
+    assert told == () and not back.moved
+    true = solve(drawing, set, seen(world, seed, 0.001, 0.2))
+    moves = tuple(f for f in true.findings if f.kind == "moved board")
+    assert len(moves) == 1 and put_back(true.fit, set, moves)[1] == moves

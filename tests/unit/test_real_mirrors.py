@@ -10,8 +10,10 @@ import pytest
 from facetcam.calibration.boards import Board, BoardSet
 from facetcam.calibration.completion import find_glass, glazed, with_all_chains
 from facetcam.calibration.covariance import knowledge
+from facetcam.calibration.flatness import flatness
+from facetcam.calibration.free_optics import FreeOptics
 from facetcam.calibration.hand_mirror import solve_hand_mirror
-from facetcam.calibration.optics import MirrorOptics
+from facetcam.calibration.optics import MirrorOptics, Optics
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.solve import solve
 from facetcam.calibration.uncertainty import uncertainty_maps
@@ -54,9 +56,11 @@ def sightings_of(rig: Rig, photos: int, noise: float) -> list[Sighting]:
     return out
 
 
-def test_derivatives_through_glass_agree_with_differences() -> None:
+@pytest.mark.parametrize("free", [False, True])
+def test_derivatives_through_glass_agree_with_differences(free: bool) -> None:
     rig = table(Glass(0.006, 1.5))
-    optics = MirrorOptics.of(rig, list(rig.views), 0.05, 0.01)
+    mirrors = MirrorOptics.of(rig, list(rig.views), 0.05, 0.01)
+    optics: Optics = FreeOptics.of_mirrors(mirrors) if free else mirrors
     points = np.random.default_rng(0).uniform((-0.2, 0.3, -0.4), (0.2, 0.6, -0.1), (20, 3))
     for view in range(len(rig.views)):
         by_points, by_values = optics.derivatives(view, points)
@@ -71,6 +75,17 @@ def test_derivatives_through_glass_agree_with_differences() -> None:
             ends = [optics.moved(n).into_camera(view, points) for n in (nudge, -nudge)]
             ours = by_values[:, :, optics.columns(view) == parameter].sum(axis=2)
             np.testing.assert_allclose(ours, (ends[0] - ends[1]) / 2e-6, atol=2e-3)
+
+
+def test_free_views_begin_where_the_mirrors_have_them() -> None:
+    rig = table(Glass(0.006, 1.5))
+    mirrors = MirrorOptics.of(rig, list(rig.views), 0.05, 0.01)
+    free = FreeOptics.of_mirrors(mirrors)
+    points = np.random.default_rng(0).uniform((-0.2, 0.3, -0.4), (0.2, 0.6, -0.1), (20, 3))
+    for view in range(len(rig.views)):
+        np.testing.assert_allclose(
+            free.into_camera(view, points), mirrors.into_camera(view, points), atol=1e-12
+        )
 
 
 def test_the_solvers_projection_is_that_of_the_rig() -> None:
@@ -115,6 +130,14 @@ def test_glass_is_solved_for_and_stands_in_the_covariance() -> None:
     after = moved(back, back.covariance, step)
     assert after.mirrors["right"].glass == replace(pane, thickness=pane.thickness + 1e-3)
     assert after.mirrors["left"].glass == pane
+
+
+def test_flat_mirrors_behind_glass_look_flat() -> None:
+    glass = Glass(0.006, 1.52, thickness_sigma=0.004, index_sigma=0.01)
+    rig = table(glass)
+    found = solve(rig, BoardSet((BOARD,)), sightings_of(rig, 8, 0.1))
+    flat = flatness(found.fit, found.noise)
+    assert flat is not None and flat.flat and 0.2 < flat.ratio < 3.0
 
 
 def test_what_is_stated_of_glass_is_carried_into_the_views() -> None:

@@ -117,14 +117,18 @@ def knowledge(fit: Fit, noise: float, settled: bool = True) -> Knowledge:
 
 def shared_covariance(fit: Fit, noise: float) -> Array:
     """Covariance of all shared parameters, boards too, by photos and drawing; held ones zero."""
-    drawn = _drawn(fit)
-    information = _information(fit, noise) + drawn
-    scale = 1.0 / np.sqrt(np.diag(information))
-    inverse = np.outer(scale, scale) * np.linalg.inv(scale[:, None] * information * scale)
-    scores, _ = scores_of(fit, noise, information)
+    known = information(fit, noise)
+    scale = 1.0 / np.sqrt(np.diag(known))
+    inverse = np.outer(scale, scale) * np.linalg.inv(scale[:, None] * known * scale)
+    scores, _ = scores_of(fit, noise, known)
     covariance = np.zeros((fit.state.shared, fit.state.shared))
-    covariance[np.ix_(fit.free, fit.free)] = inverse @ (scores + drawn) @ inverse
+    covariance[np.ix_(fit.free, fit.free)] = inverse @ (scores + _drawn(fit)) @ inverse
     return covariance
+
+
+def information(fit: Fit, noise: float) -> Array:
+    """What photos and drawing say of the free shared parameters, boards too."""
+    return _information(fit, noise) + _drawn(fit)
 
 
 def _drawn(fit: Fit) -> Array:

@@ -19,6 +19,7 @@ from facetcam.calibration.fit import Fit
 from facetcam.calibration.problem import linearise
 from facetcam.calibration.rejection import RAYLEIGH
 from facetcam.calibration.result import Finding
+from facetcam.calibration.small_moves import overdispersion
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -29,6 +30,8 @@ _MOST = 0.75  # quantile of the photos of which this is asked
 _MENDED = 0.25  # of what is beyond noise that may remain: scales do not mend what bends paper or lens
 _ROUNDS = 8
 _EXPLAINED = 4.0  # squared error that may remain in a photo: where more does, it is not the focal length
+_SURELY = 3  # boards, or views of one, that make a photo a witness
+_REST = 2  # witnesses enough to tell that photos are still not of one focus
 _LEAST = 0.1  # pixels by which a corner of the image must move for it
 _SURE = 4.0  # sigmas that the focal length of a photo must be off
 _STILL = 1e-5  # step of a scale at which they have settled
@@ -50,12 +53,13 @@ def in_one_focus(fit: Fit) -> tuple[Fit, tuple[Finding, ...], bool]:
         return fit, (), True
     others, text = found.finding.photos, found.finding.text
     rest = fit.of_photos([p for p in fit.photos if p not in others]).solved(TIGHT)
-    if 2 * len(others) < len(fit.photos) and other_focus(rest, corner_noise(rest)) is None:
+    few = 2 * len(others) < _showing(fit, 2).sum()
+    if few and other_focus(rest, corner_noise(rest), _REST) is None:
         return rest, (Finding("other focus", f"{text}; they are left out", others),), True
     return fit, (Finding("focus", f"{text}; take all anew in one focus", others),), False
 
 
-def other_focus(fit: Fit, noise: float) -> Explanation | None:
+def other_focus(fit: Fit, noise: float, fewest: int = 6) -> Explanation | None:
     """Give every photo a focal length of its own, if that explains what is wrong with all of them.
 
     Scaled about the principal point, an image is as if taken with the usual focal length. The scales of all
@@ -67,6 +71,8 @@ def other_focus(fit: Fit, noise: float) -> Explanation | None:
         Solved.
     noise : float
         Pixels that a corner coordinate is good to.
+    fewest : int
+        Witnesses, photos that show boards in three places or more, below which nothing is told.
 
     Returns
     -------
@@ -74,13 +80,17 @@ def other_focus(fit: Fit, noise: float) -> Explanation | None:
         Its fit has scaled pixels: it tells how well scales explain the photos, and is not to go on with.
     """
     number = np.searchsorted(fit.photos, [s.photo for s in fit.sightings])[fit.looks.sighting]
+    tied = _showing(fit, 2)
+    if _showing(fit, _SURELY).sum() < fewest:
+        return None
     scale, sigma = np.ones(len(fit.photos)), np.zeros(len(fit.photos))
-    found = Explanation(fit, Finding("focus", ""), sum(misfit(fit, noise).values()), len(fit.photos) - 1)
+    found = Explanation(fit, Finding("focus", ""), sum(misfit(fit, noise).values()), int(tied.sum()) - 1)
     limit = found.misfit - CLEAR
     for _ in range(_ROUNDS):
         step, sigma = _steps(found.fit, number, scale, noise)
+        step, sigma = np.where(tied, step, 0.0), np.where(tied, sigma, np.inf)
         scale *= 1.0 + step
-        scale /= np.average(scale, weights=sigma**-2)
+        scale[tied] /= np.average(scale[tied], weights=sigma[tied] ** -2)
         trial = _scaled(found.fit, fit.looks.pixels, scale[number]).solved(snap(noise), 20)
         found = replace(found, fit=trial, misfit=sum(misfit(trial, noise).values()))
         if found.price > limit:
@@ -88,7 +98,28 @@ def other_focus(fit: Fit, noise: float) -> Explanation | None:
         if float(np.abs(step).max()) < _STILL:
             break
     finding = _told(fit, found.fit, scale, sigma, noise)
-    return None if finding is None else replace(found, finding=finding)
+    if finding is None or not _beyond_chance(fit, found, noise):
+        return None
+    return replace(found, finding=finding)
+
+
+def _beyond_chance(fit: Fit, found: Explanation, noise: float) -> bool:
+    """Tell whether scales still explain photos where as much is laid to chance as they leave boards apart.
+
+    Asked are the photos that show most: in others a scale may explain what a wrong sighting did.
+    """
+    wider, asked = noise * float(np.sqrt(overdispersion(found.fit, noise))), _showing(fit, _SURELY)
+    gain = 0.0
+    for sign, f in ((1.0, fit), (-1.0, found.fit)):
+        costs = misfit(f.solved(snap(wider), 20), wider)
+        gain += sign * sum(costs[p] for p, a in zip(fit.photos, asked) if a)
+    return gain > CLEAR + found.price - found.misfit
+
+
+def _showing(fit: Fit, least: int) -> NDArray[np.bool_]:
+    """Mask of the photos that show boards in so many places: one place tells a focal length from nothing."""
+    count = np.bincount(np.searchsorted(fit.photos, [s.photo for s in fit.sightings]))
+    return np.asarray(count >= least)
 
 
 def _told(fit: Fit, scaled: Fit, scale: Array, sigma: Array, noise: float) -> Finding | None:
@@ -97,11 +128,12 @@ def _told(fit: Fit, scaled: Fit, scale: Array, sigma: Array, noise: float) -> Fi
     old, new = np.quantile([before, after], _MOST, axis=1).tolist()
     if old < _WRONG or new - 1.0 > _MENDED * (old - 1.0):
         return None
-    off = scale / _usual(scale, sigma) - 1.0
+    told = np.isfinite(sigma)
+    off = np.where(told, scale / _usual(scale[told], sigma[told]) - 1.0, 0.0)
     least = _LEAST / (0.5 * float(np.hypot(*fit.nominal.size)))
     sure = np.abs(off) > np.maximum(least, _SURE * sigma * max(1.0, float(np.sqrt(new))))
     far = sure & (np.abs(off) > 0.5 * np.abs(off[sure]).max(initial=0.0))
-    if not far.any() or after[far].max() > _EXPLAINED:
+    if not (far & _showing(fit, _SURELY)).any() or after[far].max() > _EXPLAINED:
         return None
     worst = 100 * off[far][np.argmax(np.abs(off[far]))]
     text = (

@@ -55,7 +55,7 @@ def moved_board(fit: Fit, boards: BoardSet, noise: float, least: float = LEAST) 
         trial = _placed_anew(fit, board, photos, pose)
         only = np.arange(trial.state.shared) >= trial.state.shared - 6
         roughly = replace(trial, free=only).solved(loss, 10)
-        quick.append((_total(roughly, noise), board, replace(roughly, free=trial.free)))
+        quick.append((total(roughly, noise), board, replace(roughly, free=trial.free)))
     quick.sort(key=lambda item: item[:2])
     solved = [_sorted_out(fit, trial, board, noise, loss) for _, board, trial in quick[:_TRIALS]]
     trials = sorted((t for t in solved if t is not None), key=lambda t: t.misfit)
@@ -85,7 +85,7 @@ def _sorted_out(before: Fit, fit: Fit, board: int, noise: float, loss: float) ->
     for _ in range(_ROUNDS):
         fit = fit.solved(10.0, 20).solved(TIGHT, 20).solved(loss, 20)
         old, new = (
-            misfit(stations_only(_standing(fit, board, where)), noise)
+            misfit(stations_only(standing(fit, board, where)), noise)
             for where in (usual, dict.fromkeys(usual, place))
         )
         again = [p for p in usual if new[p] < old[p] - 1.0]
@@ -94,8 +94,8 @@ def _sorted_out(before: Fit, fit: Fit, board: int, noise: float, loss: float) ->
         if not again:
             return None
         photos = again
-        fit = _standing(fit, board, usual | dict.fromkeys(photos, place))
-    return _Trial(fit, board, photos, _total(fit, noise))
+        fit = standing(fit, board, usual | dict.fromkeys(photos, place))
+    return _Trial(fit, board, photos, total(fit, noise))
 
 
 def _only_companions(trial: _Trial) -> set[int]:
@@ -107,7 +107,7 @@ def _only_companions(trial: _Trial) -> set[int]:
     return beside if len(beside) == 1 else set()
 
 
-def _total(fit: Fit, noise: float) -> float:
+def total(fit: Fit, noise: float) -> float:
     return sum(misfit(fit, noise).values())
 
 
@@ -185,10 +185,10 @@ def _placed_anew(fit: Fit, board: int, photos: Sequence[int], pose: Array) -> Fi
         state=state,
         free=np.concatenate([fit.free, np.ones(6, dtype=bool)]),
     )
-    return _standing(wider, board, dict.fromkeys(photos, len(fit.places)))
+    return standing(wider, board, dict.fromkeys(photos, len(fit.places)))
 
 
-def _standing(fit: Fit, board: int, where: Mapping[int, int]) -> Fit:
+def standing(fit: Fit, board: int, where: Mapping[int, int]) -> Fit:
     """The fit with a board at these places in these photos."""
     place = fit.looks.board.copy()
     for i, s in enumerate(fit.sightings):

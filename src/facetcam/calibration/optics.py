@@ -126,22 +126,26 @@ class MirrorOptics:
         panes = [own[m] + i for m in self.chains[view] if m in own for i in (0, 1)]
         return np.array(planes + panes, dtype=np.int64)
 
+    def T_image_rig(self, view: int) -> Array:
+        """The signed pose (4, 4) of a view, its glass aside."""
+        return self._maps[view][0]
+
     def into_camera(self, view: int, points: Array) -> Array:
-        seen = se3.transform(self._maps[view][0], points)
-        panes = self._panes(view)
+        seen = se3.transform(self.T_image_rig(view), points)
+        panes = self.panes(view)
         return seen if panes is None else straightened(seen, *panes)[0]
 
     def derivatives(self, view: int, points: Array) -> tuple[Array, Array]:
         E, by_planes = self._maps[view]
         by_points: Array = np.broadcast_to(E[:3, :3], (len(points), 3, 3))
         by_values = np.einsum("pij,nj->nip", by_planes[:, :3, :3], points) + by_planes[:, :3, 3].T
-        if self._panes(view) is None:
+        if self.panes(view) is None:
             return by_points, by_values
         through, by_panes = self._through_glass(view, points)
         by_panes[:, :, : by_values.shape[2]] += by_values
         return through @ by_points, through @ by_panes
 
-    def _panes(self, view: int) -> tuple[Array, Array] | None:
+    def panes(self, view: int) -> tuple[Array, Array] | None:
         """Unfolded normals and glass of the view's chain, as `geometry.glass` takes them; None without."""
         chain = self.chains[view]
         if not any(m in sum(self.sheets, ()) or self.glass[m, 0] > 0 for m in chain):
@@ -153,20 +157,9 @@ class MirrorOptics:
         return np.array(normals), np.maximum(self.glass[list(chain)], (0.0, 1.0 + 1e-9))
 
     def _through_glass(self, view: int, points: Array) -> tuple[Array, Array]:
-        """How the straightened point follows the unfolded one (N, 3, 3), and what normals and glass add.
-
-        Differences: the displacement is smooth, small, and enters the projection a hundred times weaker than
-        the point itself.
-        """
-        panes = self._panes(view)
-        assert panes is not None
+        """How the straightened point follows the unfolded one (N, 3, 3), and what normals and glass add."""
         seen = self.into_camera(view, points)
-        step = 1e-6 * np.linalg.norm(seen, axis=1)[:, None]
-        slope = np.empty((len(points), 3, 3))
-        for axis in range(3):
-            ends = [seen + sign * step * np.eye(3)[axis] for sign in (1, -1)]
-            more, less = (displacement(e / np.linalg.norm(e, axis=1)[:, None], *panes) for e in ends)
-            slope[:, :, axis] = (more - less) / (2 * step)
+        through = follow_through(seen, _some(self.panes(view)))
         directions = seen / np.linalg.norm(seen, axis=1)[:, None]
         by_panes = np.zeros((len(points), 3, len(self.columns(view))))
         # A chain may meet a mirror or a sheet twice: its columns repeat, and what it adds counts once.
@@ -175,9 +168,9 @@ class MirrorOptics:
                 continue  # a shift leaves normals and glass alone
             nudge = np.zeros(self.count)
             nudge[parameter] = 1e-6
-            ends = [displacement(directions, *_some(self.moved(n)._panes(view))) for n in (nudge, -nudge)]
+            ends = [displacement(directions, *_some(self.moved(n).panes(view))) for n in (nudge, -nudge)]
             by_panes[:, :, column] = -(ends[0] - ends[1]) / 2e-6
-        return np.asarray(np.linalg.inv(np.eye(3) + slope), dtype=np.float64), by_panes
+        return through, by_panes
 
     def moved(self, step: Array) -> MirrorOptics:
         of_planes, of_glass = np.split(step, [3 * len(self.planes)])
@@ -211,6 +204,21 @@ class MirrorOptics:
                 thickness, index = np.clip(self.glass[m], (0.0, 1.0 + 1e-9), (THICKEST, DENSEST)).tolist()
                 mirrors[name] = replace(mirrors[name], glass=replace(pane, thickness=thickness, index=index))
         return replace(rig, mirrors=mirrors)
+
+
+def follow_through(seen: Array, panes: tuple[Array, Array]) -> Array:
+    """Derivatives (N, 3, 3) of points straightened behind glass, `seen`, by the points before.
+
+    Differences: the displacement is smooth, small, and enters the projection a hundred times weaker than the
+    point itself.
+    """
+    step = 1e-6 * np.linalg.norm(seen, axis=1)[:, None]
+    slope = np.empty((len(seen), 3, 3))
+    for axis in range(3):
+        ends = [seen + sign * step * np.eye(3)[axis] for sign in (1, -1)]
+        more, less = (displacement(e / np.linalg.norm(e, axis=1)[:, None], *panes) for e in ends)
+        slope[:, :, axis] = (more - less) / (2 * step)
+    return np.asarray(np.linalg.inv(np.eye(3) + slope), dtype=np.float64)
 
 
 def _some(panes: tuple[Array, Array] | None) -> tuple[Array, Array]:

@@ -64,7 +64,7 @@ class Flatness:
     free_rms: float
     ratio: float  # of the drop in weighted cost to what flat mirrors would give, about 1 when flat
     flat: bool
-    worst_view: str
+    worst_view: str  # without which the others are flattest; empty where flat, or where it cannot be told
 
 
 @dataclass(frozen=True, eq=False)

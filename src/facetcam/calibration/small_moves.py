@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from facetcam.calibration.boards import BoardSet
 from facetcam.calibration.evidence import (
     CLEAR,
     LEAST,
+    TIGHT,
     Explanation,
     corner_noise,
     is_wrong,
@@ -21,7 +23,7 @@ from facetcam.calibration.evidence import (
     worst_sighting,
 )
 from facetcam.calibration.fit import Fit
-from facetcam.calibration.moved_boards import moved_board
+from facetcam.calibration.moved_boards import moved_board, standing, total
 from facetcam.calibration.other_camera import lens_of_their_own
 from facetcam.calibration.problem import linearise
 from facetcam.calibration.rejection import noise_of
@@ -70,6 +72,39 @@ def _stands_out(before: Fit, best: Explanation, noise: float) -> bool:
     gain = sum(old.values()) - sum(new.values())
     over_lens = lens_of_their_own(before, photos, noise) - sum(new[p] for p in photos)
     return min(gain, over_lens) - price > CLEAR
+
+
+def put_back(fit: Fit, boards: BoardSet, findings: Sequence[Finding]) -> tuple[Fit, tuple[Finding, ...]]:
+    """Undo moves that chance explains once wrong sightings are gone, which had made them up.
+
+    Parameters
+    ----------
+    fit : Fit
+        Solved, without sightings that fit no view.
+    findings : sequence of Finding
+        Its moved boards in the order of their places.
+    """
+    told, noise = list(findings), corner_noise(fit)
+    moves = [f for f in findings if f.kind == "moved board"]
+    for place, finding in enumerate(moves, start=len(boards.boards)):
+        wider = noise * float(np.sqrt(overdispersion(fit, noise)))
+        if np.isfinite(wider):
+            back = _without_place(fit, place)
+            old, new = (total(f.solved(TIGHT).solved(snap(wider)), wider) for f in (back, fit))
+            if old - new < 3.0 * float(np.log(2 * len(fit.looks.pixels))) + CLEAR:
+                fit = back.solved(TIGHT)
+                told.remove(finding)
+    return fit, tuple(told)
+
+
+def _without_place(fit: Fit, place: int) -> Fit:
+    """The fit with a board that moved put back to where it stands otherwise."""
+    board = fit.places[place]
+    photos = [photo for (photo, _), at in fit.moved.items() if at == place]
+    back = standing(fit, board, dict.fromkeys(photos, board))
+    first = fit.state.first_board + 6 * place
+    held = (np.arange(fit.state.shared) >= first) & (np.arange(fit.state.shared) < first + 6)
+    return replace(back, free=back.free & ~held)
 
 
 def overdispersion(fit: Fit, noise: float) -> float:

@@ -24,6 +24,7 @@ from facetcam.calibration.rereading import reread
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
 from facetcam.calibration.scale import out_of_scale
 from facetcam.calibration.sightings import Sighting
+from facetcam.calibration.small_moves import put_back
 from facetcam.calibration.start import poses_apart, usable
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
@@ -82,6 +83,7 @@ def solve(
     fit, intruders = without_intruders(fit, boards)
     here = set(fit.photos)
     fit, strange = reviewed(fit, boards, [s for s in sightings if s.photo in here])
+    fit, intruders = put_back(fit, boards, intruders)
     done()
     fit = settled(fit)
     done()

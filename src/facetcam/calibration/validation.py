@@ -7,18 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from facetcam.calibration.across_views import LEAST_CORNERS, AcrossViews, across_views
 from facetcam.calibration.covariance import knowledge, shared_covariance
 from facetcam.calibration.difference import projection_difference, room_points
 from facetcam.calibration.fit import Fit
-from facetcam.calibration.free_optics import FreeOptics
-from facetcam.calibration.optics import MirrorOptics
-from facetcam.calibration.quality import Flatness, MirrorDeviation, Validation
+from facetcam.calibration.flatness import flatness
+from facetcam.calibration.quality import MirrorDeviation, Validation
 from facetcam.calibration.result import Calibration
 from facetcam.calibration.uncertainty import uncertainty_maps
-from facetcam.geometry import se3
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int | None], None]
@@ -26,8 +23,6 @@ Progress = Callable[[int, int | None], None]
 FOLDS = 5
 _LEAST_PHOTOS = 6  # from which halves are compared
 _POINTS = 300  # a view, by which halves are compared
-_CHANCE = 1e-4  # that flat mirrors look bent
-_MATERIAL = 0.97  # of the residuals that remain when views are freed; less is not worth a word
 
 
 def validate(calibration: Calibration, progress: Progress | None = None, folds: int = FOLDS) -> Validation:
@@ -49,7 +44,7 @@ def validate(calibration: Calibration, progress: Progress | None = None, folds: 
     across = AcrossViews.joined(list(held.across.values()))
     rms, by_view = _split_half(fit)
     _tell(progress, folds + 1, total)
-    flatness = _flatness(fit, calibration.noise)
+    flat = flatness(fit, calibration.noise)
     _tell(progress, folds + 2, total)
     known = knowledge(fit, calibration.noise)
     maps = uncertainty_maps(fit, known, _usual_depth(fit))
@@ -62,7 +57,7 @@ def validate(calibration: Calibration, progress: Progress | None = None, folds: 
         cross_view={photo: _rms([a.residuals]) for photo, a in sorted(held.across.items())},
         split_half_rms=rms,
         split_half=by_view,
-        flatness=flatness,
+        flatness=flat,
         deviations=deviations_of(calibration),
         maps=maps,
     )
@@ -110,39 +105,6 @@ def _split_half(fit: Fit) -> tuple[float, dict[str, float]]:
     one, other = (h.solved(None, 30).rig for h in halves)
     difference = projection_difference(one, other, room_points(fit.rig, common, _POINTS))
     return difference.rms, dict(difference.by_view)
-
-
-def _flatness(fit: Fit, noise: float) -> Flatness | None:
-    """Plane model against free poses of the views; None where the two have as many parameters."""
-    optics = fit.state.optics
-    assert isinstance(optics, MirrorOptics)
-    known = knowledge(fit, noise)
-    lenses = len(fit.state.intrinsics)
-    planes = np.count_nonzero(known.free >= lenses) - known.open_directions.shape[1]
-    more = 6 * (len(fit.views) - 1) - int(planes)
-    if more <= 0:
-        return None
-    freed = _freed(fit).solved(None, 30)
-    kept = fit.kept
-    plane, free = fit.residuals[kept], freed.residuals[kept]
-    worth = 1.0 / (noise * fit.looks.noise[:, None]) ** 2
-    drop = float(np.sum((plane**2 - free**2) * worth[kept]))
-    plane_rms, free_rms = _rms([plane]), _rms([free])
-    flat = bool(drop < chi2.ppf(1.0 - _CHANCE, more) or free_rms > _MATERIAL * plane_rms)
-    gains = {
-        fit.views[v]: float(np.sum(((fit.residuals**2 - freed.residuals**2) * worth)[rows][kept[rows]]))
-        for v, rows in fit.looks.by_view
-    }
-    return Flatness(plane_rms, free_rms, drop / more, flat, max(gains, key=lambda v: gains[v]))
-
-
-def _freed(fit: Fit) -> Fit:
-    """The same problem with six parameters a view, the first view held as the frame of the rig."""
-    rig, lenses = fit.rig, len(fit.state.intrinsics)
-    optics = FreeOptics.of([se3.inverse(rig.T_rig_image(v)) for v in fit.views])
-    views = np.arange(optics.count) >= 6
-    free = np.concatenate([fit.free[:lenses], views, fit.free[fit.state.first_board :]])
-    return replace(fit, state=replace(fit.state, optics=optics), free=free)
 
 
 def deviations_of(calibration: Calibration) -> tuple[MirrorDeviation, ...]:

@@ -49,7 +49,8 @@ def doubts_of(calibration: Calibration, validation: Validation | None) -> list[s
     if any(f.kind == "scale" for f in calibration.findings):
         doubts.append("the squares' size or the drawing is wrong")
     if validation is not None and validation.flatness is not None and not validation.flatness.flat:
-        doubts.append(f"the mirrors do not look flat in '{validation.flatness.worst_view}'")
+        where = validation.flatness.worst_view
+        doubts.append("the mirrors do not look flat" + (f" in '{where}'" if where else ""))
     expected = NOISE_RATIO * calibration.rms_of_noise
     if validation is not None and validation.split_half_rms > AGREE:
         doubts.append("where no corner was seen the lens and the mirrors are guessed")
