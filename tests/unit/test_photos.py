@@ -112,6 +112,17 @@ def test_photos_that_do_not_belong_are_left_out(tmp_path: Path) -> None:
         fit_together(found, (100, 100), "rig.yaml")
 
 
+@pytest.mark.parametrize("blurred", [True, False])
+def test_photos_that_cannot_be_read_are_called_blurred_if_they_are(tmp_path: Path, blurred: bool) -> None:
+    other = cv2.GaussianBlur(photo(seed=3), (0, 0), 6) if blurred else 255 - photo(seed=3)
+    folder = write_photos(tmp_path, [photo(seed=1), photo(seed=2), other])
+    found, _ = look_at_photos(photo_paths(folder), BOARDS)
+    _, (warning,) = fit_together(found, SIZE)
+    assert (
+        f"1 of 3 photos shows no board that could be read{', blurred' if blurred else ''}: 02.png" in warning
+    )
+
+
 def test_photos_from_one_pose(tmp_path: Path) -> None:
     still = [photo(seed=3)] * 3
     noisy = [np.clip(s + np.random.default_rng(k).normal(0, 2, s.shape), 0, 255) for k, s in enumerate(still)]

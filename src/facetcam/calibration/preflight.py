@@ -103,12 +103,17 @@ def _expected(fit: Fit, known: Knowledge) -> dict[str, str]:
         values = [s for name, s in sigma.items() if name.endswith(ending)]
         if not values or np.any(np.isnan(values)):
             return "not determined" if values else "held"
-        return f"{factor * max(values):.2g} {unit}"
+        return f"{_two_digits(factor * max(values))} {unit}"
 
     maps = [np.nanmedian(m.sigma_px) for m in uncertainty_maps(fit, known) if np.any(np.isfinite(m.sigma_px))]
     return {
         "focal length": worst("fx", 1.0, "px"),
         "mirror tilt": worst("tilt u", float(np.degrees(1.0)), "deg"),
         "mirror shift": worst("shift", 1e3, "mm"),
-        "projection in the worst view": f"{max(maps):.2g} px" if maps else "not determined",
+        "projection in the worst view": f"{_two_digits(max(maps))} px" if maps else "not determined",
     }
+
+
+def _two_digits(value: float) -> str:
+    """A number with two digits that count, without an exponent."""
+    return f"{float(f'{value:.2g}'):g}" if value < 1e6 else f"{value:.0e}"

@@ -76,14 +76,22 @@ def fit_together(
     usual = float(np.median(widths)) if widths else np.inf
     limit = max(BLURRED * usual, usual + 1.0)
     kept = _without(kept, lambda p: p.blur > limit, f"blurred, edges over {limit:.1f} px wide", warnings)
-    blank = [p.path.name for p in kept if not p.sightings]
+    blank = [p for p in kept if not p.sightings]
     if blank:
-        names = ", ".join(blank[:5]) + (", ..." if len(blank) > 5 else "")
+        names = ", ".join(p.path.name for p in blank[:5]) + (", ..." if len(blank) > 5 else "")
         show = "shows" if len(blank) == 1 else "show"
         warnings.append(
-            f"{len(blank)} of {plural(len(kept), 'photo')} {show} no board that could be read: {names}"
+            f"{len(blank)} of {plural(len(kept), 'photo')} {show} no board that could be read{_why(blank)}:"
+            f" {names}"
         )
     return [renumbered(photo, index) for index, photo in enumerate(kept)], warnings
+
+
+def _why(blank: Sequence[Photo]) -> str:
+    """That photos are blurred, if all of a few that are looked at again are."""
+    looked_at = blank[:: max(1, len(blank) // _SAMPLES)][:_SAMPLES]
+    unsharp = all(_blurred([_grey(photo)]) for photo in looked_at)
+    return ", blurred" if unsharp else ""
 
 
 def _turned(wanted: tuple[int, int], sizes: Iterable[tuple[int, int]]) -> str:
