@@ -120,6 +120,26 @@ def test_loose_boards_of_views_seen_alone_may_be_fixed() -> None:
     assert all("'fixed: true'" in u.advice for u in alone)
 
 
+def flipped(sighting: Sighting, width: int) -> Sighting:
+    """The sighting in a photo that was flipped left to right."""
+    pixels = sighting.pixels * (-1.0, 1.0) + (width - 1.0, 0.0)
+    return replace(sighting, pixels=pixels, mirrored=not sighting.mirrored)
+
+
+def test_photos_that_were_flipped_are_told() -> None:
+    rig, set = presets.ryu(), boards(8, True)
+    sightings = sightings_of(rig, set, 12, 0.1)
+    with pytest.raises(
+        FacetcamError, match=r"an even number of mirrors, the photos show mirror images; were"
+    ):
+        solve(rig, set, [flipped(s, rig.size[0]) for s in sightings])
+    some = {s.photo for s in sightings if s.photo % 5 == 2}
+    result = solve(rig, set, [flipped(s, rig.size[0]) if s.photo in some else s for s in sightings])
+    rejected = [f for f in result.findings if f.kind == "photo rejected"]
+    assert len(some) > 1 and [f.photos for f in rejected] == [tuple(sorted(some))]
+    assert not [f for f in solve(rig, set, sightings).findings if f.kind == "photo rejected"]
+
+
 def test_refuses_sightings_that_give_no_pose() -> None:
     set = boards(1, True)
     line = Sighting(0, 0, np.arange(5), np.stack([np.arange(5) * 30.0, np.zeros(5)], axis=1), False)

@@ -14,7 +14,7 @@ from facetcam.calibration.fit import Fit, looks_of
 from facetcam.calibration.readings import readings_of
 from facetcam.calibration.result import Finding
 from facetcam.calibration.sightings import Sighting
-from facetcam.calibration.start import is_mirrored
+from facetcam.calibration.start import is_mirrored, usable
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -126,3 +126,15 @@ def findings_of(strange: Sequence[Sighting], boards: BoardSet) -> tuple[Finding,
         for s in strange
         if len(s)
     )
+
+
+def without_place(fit: Fit, boards: BoardSet, sightings: Sequence[Sighting]) -> tuple[Finding, ...]:
+    """Say which photos show boards that stand in no view of the rig, and are left out as a whole."""
+    lost = {s.photo for s in sightings if usable(s, boards)} - set(fit.photos)
+    if not lost:
+        return ()
+    text = (
+        "photos {photos} show boards where no view of the rig could; they are left out:"
+        " of another rig, or flipped by a program?"
+    )
+    return (Finding("photo rejected", text, tuple(sorted(lost))),)

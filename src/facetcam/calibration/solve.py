@@ -19,13 +19,20 @@ from facetcam.calibration.fit import Fit, Tolerance, begin
 from facetcam.calibration.guidance import LookAgain, looked_again
 from facetcam.calibration.intruders import without_intruders
 from facetcam.calibration.observability import unknowns
-from facetcam.calibration.rejection import believed, findings_of, noise_of, reviewed, spread_of
+from facetcam.calibration.rejection import (
+    believed,
+    findings_of,
+    noise_of,
+    reviewed,
+    spread_of,
+    without_place,
+)
 from facetcam.calibration.rereading import reread
 from facetcam.calibration.result import Calibration, Finding, FittedSighting
 from facetcam.calibration.scale import out_of_scale
 from facetcam.calibration.sightings import Sighting
 from facetcam.calibration.small_moves import put_back
-from facetcam.calibration.start import poses_apart, usable
+from facetcam.calibration.start import is_mirrored, poses_apart, usable
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.rig import NO_VIEW, Rig
@@ -72,6 +79,7 @@ def solve(
     done = _Steps(progress)
     tolerance = tolerance or Tolerance()
     fit = started(rig, boards, sightings, tolerance)
+    lost = without_place(fit, boards, sightings)
     done()
     fit = _coarse(fit)
     if out_of_scale(fit):  # squares of a wrong size? What the drawing says of lengths would bend the rig.
@@ -92,7 +100,7 @@ def solve(
     done()
     # Another focal length shifts views as creep does.
     creep = () if any(f.kind == "focus" for f in intruders) else crept(fit)
-    findings = intruders + findings_of(strange, boards) + creep
+    findings = lost + intruders + findings_of(strange, boards) + creep
     result = _calibration(fit, boards, findings, noise_of(fit), began)
     done()
     return result
@@ -112,9 +120,21 @@ def started(rig: Rig, boards: BoardSet, sightings: Sequence[Sighting], tolerance
     if np.all(assignment.view == NO_VIEW):
         raise FacetcamError(
             "calibration: no board stands where a view of the rig could show it;"
-            " check that the rig file belongs to these photos"
+            f" check that the rig file belongs to these photos{_turned_over(rig, whole, boards)}"
         )
     return begin(rig, camera, boards, views, assignment, tolerance)
+
+
+def _turned_over(rig: Rig, sightings: Sequence[Sighting], boards: BoardSet) -> str:
+    """That all boards are seen mirrored where no view mirrors, or the other way round."""
+    seen = {is_mirrored(s, boards) if s.mirrored is None else s.mirrored for s in sightings}
+    if seen & {rig.is_flipped(view) for view in rig.views}:
+        return ""
+    found, drawn = ("mirror images", "an even") if True in seen else ("no mirror images", "an odd")
+    return (
+        f": it shows boards in {drawn} number of mirrors, the photos show {found};"
+        " were they flipped by a program, or is a mirror missing in the file?"
+    )
 
 
 def _coarse(fit: Fit) -> Fit:
