@@ -62,13 +62,33 @@ def test_photos_of_another_focus_are_left_out(world: str, seed: int, share: floa
     assert off < 1.5 * still[1] + 0.01
 
 
+@pytest.mark.parametrize(
+    ("world", "seed", "shift"), [("pyramid", 3, 12.0), ("pyramid", 1, 4.0), ("ryu", 2, 12.0)]
+)
+def test_photos_of_a_camera_of_the_same_make_are_left_out(world: str, seed: int, shift: float) -> None:
+    """The same focal length, another principal point: every photo of it is shifted as a whole."""
+    others, poses = {2, 7, 11, 13, 15}, placed(world, seed)
+    whole = [
+        replace(s, pixels=s.pixels + np.array([shift, -0.7 * shift])) if s.photo in others else s
+        for s in seen(world, poses, seed)
+    ]
+    findings, off = found(world, whole, seed)
+    assert [f.kind for f in findings] == ["other focus"]
+    assert len(findings[0].photos) >= 3 and set(findings[0].photos) <= others
+    told = float(findings[0].text.split("up to ")[1].split(" px")[0])
+    assert told == pytest.approx(float(np.hypot(shift, 0.7 * shift)), rel=0.15)
+    assert off < 0.1
+    names = [f"p{k}.jpg" for k in range(PHOTOS)]
+    assert f"in {', '.join(names[p] for p in findings[0].photos)} by" in findings[0].told(names)
+
+
 @pytest.mark.parametrize("world", WORLDS)
 def test_a_lens_that_breathes_is_told_and_blamed_on_no_board(world: str) -> None:
     random = np.random.default_rng(8)
     focal = {photo: float(0.002 * random.standard_normal()) for photo in range(PHOTOS)}
     findings, _ = found(world, seen(world, placed(world, 1), 1, focal), 1)
     assert {"focus"} <= {f.kind for f in findings} <= {"focus", "other camera"}  # by 0.4 % it counts as that
-    assert "take all anew in one focus" in findings[-1].text
+    assert "take all anew with one lens held still" in findings[-1].text
 
 
 @pytest.mark.parametrize(("world", "seed"), [("pyramid", 2), ("ryu", 6)])

@@ -119,7 +119,7 @@ def test_the_verdict_is_good_only_when_nothing_speaks_against_it() -> None:
     moved = replace(good, findings=(Finding("moved board", "m"),))
     assert "a board moved" in verdict(moved, validation(0.075))
     breathing = replace(good, findings=(Finding("focus", "f"),))
-    assert "focal length changed from photo to photo" in verdict(breathing, validation(0.075))
+    assert "the lens was not the same in all photos" in verdict(breathing, validation(0.075))
     unplaced = replace(validation(0.075), flatness=Flatness(0.1, 0.05, 9.0, False, ""))
     assert verdict(good, unplaced).endswith("but the mirrors do not look flat.")
     bent = replace(validation(0.075), flatness=Flatness(0.1, 0.05, 9.0, False, "front"))

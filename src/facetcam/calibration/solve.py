@@ -98,7 +98,7 @@ def solve(
     if look_again is not None:
         fit = settled(looked_again(fit, boards, look_again))
     done()
-    # Another focal length shifts views as creep does.
+    # Another lens shifts views as creep does.
     creep = () if any(f.kind == "focus" for f in intruders) else crept(fit)
     findings = lost + intruders + findings_of(strange, boards) + creep
     result = _calibration(fit, boards, findings, noise_of(fit), began)

@@ -45,7 +45,7 @@ def doubts_of(calibration: Calibration, validation: Validation | None) -> list[s
     if any(f.kind == "moved board" for f in calibration.findings):
         doubts.append("a board moved")
     if any(f.kind == "focus" for f in calibration.findings):
-        doubts.append("the focal length changed from photo to photo")
+        doubts.append("the lens was not the same in all photos")
     if any(f.kind == "scale" for f in calibration.findings):
         doubts.append("the squares' size or the drawing is wrong")
     if validation is not None and validation.flatness is not None and not validation.flatness.flat:
