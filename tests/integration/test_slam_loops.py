@@ -113,7 +113,7 @@ def test_a_map_that_drifted_apart_is_mended(driven: tuple[Slam, Path], shared_da
     with open_source(shared_data / "house" / "loop.mp4", None) as film:
         image = next(f for f in film if abs(f.timestamp - last.timestamp) < 1e-6)
     last.frame = make_frame(image.image, last.timestamp, slam.rig.size)
-    last.corners = slam._tracker._corners(last.frame)
+    last.corners = slam._parts.tracker._corners(last.frame)
     places = slam._map.poses()[:, :3, 3] - true[:, :3, 3]
     before = np.linalg.norm(places, axis=1)
     loop = slam._parts.loops.close(last, metric=True)

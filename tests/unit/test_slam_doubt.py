@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from slam_worlds import folded, spoiled, true_pairs
 
 from facetcam.geometry import se3
-from facetcam.slam.doubt import is_denied, views_aside
+from facetcam.slam.doubt import is_denied, refuting_motion, views_aside
 from facetcam.slam.frame import Corners
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, in_sight
@@ -71,6 +71,25 @@ def test_a_motion_of_another_length_is_not_denied(ryu: Optics) -> None:
         assert not is_denied(pairs, stretched(nearly, stretch), ryu)
     assert is_denied(pairs, nearly @ se3.exp([0.0, 0.0, 0.0, 0.2, 0.0, 0.0]), ryu)
     assert is_denied(pairs, stretched(MOTION, -1.0), ryu)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turn_astray_is_refuted_by_the_motion_that_the_corners_show(ryu: Optics, axis: int) -> None:
+    rng = np.random.default_rng([67, axis])
+    pairs = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.2, 0.3)
+    astray = MOTION @ se3.exp(0.03 * np.eye(6)[axis])
+    found = refuting_motion(pairs, astray, ryu)
+    assert found is not None
+    assert np.linalg.norm(se3.log(se3.inverse(found) @ MOTION)[:3]) < 0.003
+    assert refuting_motion(pairs, MOTION, ryu) is None
+
+
+def test_neither_a_view_that_lies_nor_chance_refutes(ryu: Optics) -> None:
+    assert refuting_motion(world(ryu, [1], 7), MOTION, ryu) is None
+    rng = np.random.default_rng(68)
+    noise = spoiled(true_pairs(ryu, MOTION, rng), ryu, rng, 0.95, 0.3)
+    assert refuting_motion(noise, MOTION, ryu) is None
+    assert refuting_motion(Pairs.none(), MOTION, ryu) is None
 
 
 def test_one_view_against_one_denies_nothing(ryu: Optics) -> None:

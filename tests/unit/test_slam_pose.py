@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 TRUE = se3.exp([0.04, -0.06, 0.9, 0.3, -0.2, 0.1])
 NEAR = TRUE @ se3.exp([0.03, -0.02, 0.04, 0.05, -0.04, 0.03])
+LITTLE = se3.exp([0.003, -0.002, 0.004, 0.005, -0.004, 0.003])
+MOVED = TRUE @ se3.exp([0.0, 0.0, 0.04, 0.2, 0.2, 0.0])
 
 
 @pytest.fixture(scope="module", params=[folded, pyramid, fisheye], ids=lambda make: make.__name__)
@@ -148,3 +150,66 @@ def test_the_native_refinement_finds_the_least_robust_cost(optics: Optics) -> No
     for axis in np.eye(6):
         for step in (1e-4, -1e-4):
             assert cost(found @ se3.exp(step * axis)) > cost(found)
+
+
+def wall_seen_by(
+    optics: Optics, view: int, rng: np.random.Generator
+) -> tuple[Array, NDArray[np.int8], Array]:
+    """Points of a wall 7 m before one view, as it sees them with little noise, and one that seems near."""
+    rows, columns = np.nonzero(optics.labels == view)
+    pick = rng.integers(0, len(rows), 90)
+    pixels = np.column_stack([columns[pick], rows[pick]]).astype(float)
+    views = np.full(90, view, np.int8)
+    rays, origins = optics.rays(pixels, views), optics.origins(views)
+    axis = optics.T_rig_view[view, :3, 2]
+    points = origins + (7.0 / (rays @ axis))[:, None] * rays
+    points[0] = origins[0] + 0.2 * (points[0] - origins[0])
+    points = se3.transform(TRUE, points)
+    plane, _ = optics.to_plane(se3.transform(se3.inverse(MOVED), points), views)
+    return points, views, plane + rng.normal(0.0, 0.15, plane.shape)
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_wrong_point_before_a_far_wall_does_not_pull_the_pose(view: int) -> None:
+    """One of 90 points is mapped near but moves with the wall: it holds what the wall hardly tells."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng([32, view])
+    points, views, plane = wall_seen_by(optics, view, rng)
+    on_wall = se3.transform(TRUE, optics.origins(views[:1]))
+    on_wall = on_wall + 5.0 * (points[:1] - on_wall)
+    wrong = plane.copy()
+    wrong[:1], _ = optics.to_plane(se3.transform(se3.inverse(MOVED), on_wall), views[:1])
+    right = refine_pose(MOVED @ LITTLE, points[1:], views[1:], wrong[1:], optics, 0.5).T_world_rig
+    pulled = refine_pose(MOVED @ LITTLE, points, views, wrong, optics, 0.5)
+    np.testing.assert_allclose(pulled.T_world_rig, right, atol=1e-6)
+    assert pulled.residuals[0] > 3.0
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_true_point_before_a_far_wall_is_heard(view: int) -> None:
+    """It tells the pose better than all of the wall."""
+    optics = Optics(folded(), 8.0)
+    off = []
+    for seed in range(10):
+        points, views, plane = wall_seen_by(optics, view, np.random.default_rng([33, view, seed]))
+        for first in (0, 1):
+            T = refine_pose(
+                MOVED @ LITTLE, points[first:], views[first:], plane[first:], optics, 0.5
+            ).T_world_rig
+            off.append(float(np.linalg.norm(se3.log(se3.inverse(MOVED) @ T)[3:])))
+    assert np.median(off[::2]) < 0.8 * np.median(off[1::2])
+
+
+def test_few_points_of_another_view_are_heard() -> None:
+    """Of a map of the wrong scale, they alone tell: left out as too few, the scale could never be mended."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(34)
+    points = walls(rng, 4000)
+    seen = look(optics, TRUE, points)
+    most = np.flatnonzero(seen.view == 1)[:150]
+    few = np.flatnonzero(seen.view == 0)[:4]
+    rows = np.concatenate([most, few])
+    stretched = seen.plane.copy()
+    stretched[few] += 4.0
+    T = refine_pose(TRUE, points[seen.point[rows]], seen.view[rows], stretched[rows], optics, 0.5)
+    alone = refine_pose(TRUE, points[seen.point[most]], seen.view[most], stretched[most], optics, 0.5)
+    assert np.linalg.norm(se3.log(se3.inverse(alone.T_world_rig) @ T.T_world_rig)) > 1e-3
+    assert np.max(T.residuals[-4:]) < np.max(np.linalg.norm(stretched[few] - seen.plane[few], axis=1))

@@ -12,9 +12,11 @@ from slam_worlds import folded, in_sight, look, winding_path
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.simulation.drive import round_the_table, wheel_odometry
-from facetcam.slam.frame import Corners, make_frame
+from facetcam.slam import Slam
+from facetcam.slam.frame import Corners, Frame, make_frame
 from facetcam.slam.map import Keyframe, Map, Observations, Points
 from facetcam.slam.measure import Measurements
+from facetcam.slam.motion import Motion
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.trajectory import Trajectory
@@ -240,3 +242,49 @@ def test_a_way_of_wheels_without_an_end_in_sight_stays() -> None:
     before = trajectory.poses()[1]
     trajectory.close_gaps()
     np.testing.assert_array_equal(trajectory.poses()[1], before)
+
+
+def lost(followed: float, waited: float, keyframes: int) -> tuple[Slam, Frame]:
+    """A rig that was followed for some seconds, then lost, and its next frame."""
+    slam = Slam(folded())
+    slam._map.keyframes = [keyframe(k, np.eye(4)) for k in range(keyframes)]
+    for t in np.arange(0.0, followed + 0.05, 0.1):
+        slam._motion.trajectory.add(float(t), np.eye(4), slam._map.keyframes[0])
+    slam._motion.lost_frames = round(10 * waited)
+    width, height = slam.rig.size
+    return slam, make_frame(np.zeros((height, width), np.uint8), followed + waited, slam.rig.size)
+
+
+@pytest.mark.parametrize(
+    ("followed", "waited", "keyframes", "given_up"),
+    [
+        (2.0, 1.5, 30, False),  # longer known than lost
+        (2.0, 2.5, 30, True),
+        (20.0, 60.0, 30, False),  # whoever comes back to it later wants it
+        (20.0, 1.5, 7, True),  # young: it was wrong
+        (0.5, 0.8, 30, False),  # a second of darkness is no reason
+    ],
+)
+def test_only_a_brief_map_or_a_young_one_is_given_up(
+    followed: float, waited: float, keyframes: int, given_up: bool
+) -> None:
+    slam, frame = lost(followed, waited, keyframes)
+    assert slam._gives_up(frame) == given_up
+
+
+def test_a_loaded_map_is_never_given_up() -> None:
+    slam, frame = lost(2.0, 5.0, 7)
+    slam._continued = True
+    assert not slam._gives_up(frame)
+
+
+def test_poses_that_were_wrong_are_forgotten_back_to_the_last_keyframe() -> None:
+    motion, base = Motion(), keyframe(1, moved(0, 0, 0.1, 0, 1, 0))
+    base.odometry = np.array([1.0, 0.0, 0.0])
+    for t in (0.9, 1.0, 1.1, 1.2):
+        motion.trajectory.add(t, moved(0, 0, 0, 0, t, 0), base)
+    motion.placed, motion.odometry = True, np.array([1.2, 0.0, 0.0])
+    motion.go_back(base)
+    assert motion.trajectory.last_timestamp == 1.0
+    wheels, _ = motion.predictions(1.3, np.array([1.5, 0.0, 0.0]))  # half a metre since the keyframe
+    np.testing.assert_allclose(wheels, moved(0, 0, 0, 0, 1.5, 0), atol=1e-9)

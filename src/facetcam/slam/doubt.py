@@ -9,7 +9,7 @@ from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
 from facetcam.slam.proposals import view_motions
-from facetcam.slam.two_frames import joint_motion
+from facetcam.slam.two_frames import joint_motion, polished
 from facetcam.slam.witnesses import shares
 
 Array = NDArray[np.float64]
@@ -18,6 +18,7 @@ Index = NDArray[np.int64]
 _AGREEING = 0.5  # share of a view's pairs, below which it contradicts a motion
 _STANDING = 0.5  # and above which it stands where the turn alone should have moved it
 _SURE = 0.8  # and above which it agrees with it beyond doubt
+_CLEAR = 0.4  # and above which it bears one out that refutes another
 _BETTER = 0.2  # by which another motion's share is larger
 _ALIKE = 0.03  # radians between the turns, and between the ways, of motions that may differ in length alone
 
@@ -44,12 +45,36 @@ def _on_the_same_way(T: Array, T_a_b: Array) -> bool:
 def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
     """Tell whether a motion along another way explains what more views show, and far better, than this."""
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
-    doubters = witnesses[fitting < _SURE]
-    others = pairs.without(np.setdiff1d(np.unique(pairs.views), doubters))
-    another = joint_motion(others, view_motions(others, optics), optics) if len(doubters) > 1 else None
+    another = _of_doubters(pairs, witnesses[fitting < _SURE], T_a_b, optics)
     if another is None or _on_the_same_way(another, T_a_b):
         return False
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER
     clearly = bool(np.all(otherwise[against] > _SURE))
     return clearly and against.sum() >= 2 and against.sum() > in_favour.sum()
+
+
+def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
+    """The motion that several views show where they contradict this one; None where they do not.
+
+    The map must be grown: its lengths are right, so small turns astray count, too.
+    """
+    witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
+    another = _of_doubters(pairs, witnesses[fitting < _AGREEING], T_a_b, optics)
+    if another is None:
+        return None
+    otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
+    against = (fitting < _AGREEING) & (otherwise > np.maximum(fitting + _BETTER, _CLEAR))
+    in_favour = fitting > otherwise + _BETTER
+    return another if against.sum() >= 2 and against.sum() > in_favour.sum() else None
+
+
+def _of_doubters(pairs: Pairs, doubters: Index, T_a_b: Array, optics: Optics) -> Array | None:
+    """The motion that suits most of the views that doubt one, from what they propose or from that one."""
+    if len(doubters) < 2:
+        return None
+    own = pairs.without(np.setdiff1d(np.unique(pairs.views), doubters))
+    tried = [joint_motion(own, view_motions(own, optics), optics), polished(T_a_b, own, optics)]
+    motions = [T for T in tried if T is not None]
+    share = [shares(own.views, own.fit(T, optics))[1].sum() for T in motions]
+    return motions[int(np.argmax(share))]

@@ -186,6 +186,12 @@ class Mapper:
         found = found.take(near)
         other.observations.append(found.point, found.view, found.pixels, found.plane)
 
+    def drop(self, rows: NDArray[np.bool_]) -> None:
+        """Drop some of the points (N,), and adjust the window without them."""
+        if rows.any():
+            self._map.points.alive[rows] = False
+            self._adjuster.adjust_window()
+
     def seek_scale(self) -> None:
         """Go over to another scale where the views bear it out far better than the present one."""
         window, lock = self._adjuster.window, self._map.lock

@@ -77,6 +77,12 @@ class Motion:
         self.trajectory.clear()
         self.lost_frames = 0
 
+    def go_back(self, keyframe: Keyframe) -> None:
+        """The poses since the last keyframe were wrong: forget them, and go on from there."""
+        self.trajectory.forget_after(keyframe.timestamp)
+        self.odometry = keyframe.odometry
+        self._T_step = se3.exp(self.trajectory.velocity(keyframe.timestamp) * self._step)
+
     def predictions(self, timestamp: float, odometry: Array | None) -> list[Array]:
         """Where the rig may be, the likeliest first: by odometry, if there is some, and by inertia."""
         if not self.placed:

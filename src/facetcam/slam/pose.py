@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,11 @@ Array = NDArray[np.float64]
 
 _STEPS = 15
 _MIN_DEPTH = 0.01  # metres
+_LEVERAGE = 0.3  # of the six numbers of a pose that one point may hold
+_NEAR = 3.0  # px within which a point has a part in them
+_LEAST_OTHERS, _SHARE_OTHERS = 15, 0.8  # points of a view that must be left, and of all it has
+_LEAST_ERROR = 0.2  # px of patches, whatever the others of a frame say
+_BORNE_OUT = 25.0  # squared standard deviations
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,26 +95,93 @@ def refine_pose(
 ) -> Pose:
     """Iteratively reweighted Gauss-Newton on all views, with a Cauchy kernel of `sigma` pixels.
 
-    The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements.
+    The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements. No kernel
+    tames a wrong point that holds a direction of the pose by itself, as a near one before a far wall does:
+    the pose follows until it fits. Such points count only where they agree with what the others say.
     """
+    seen = _Sights(points, views, plane)
+    T = _least_squares(T_world_rig, seen, optics, sigma)
+    alone = _alone(T, seen, optics)
+    if alone.any():
+        T_others = _least_squares(T, seen.take(~alone), optics, sigma)
+        counts = ~alone | _borne_out(T_others, seen, ~alone, optics, sigma)
+        T = T if counts.all() else _least_squares(T_others, seen.take(counts), optics, sigma)
+    found = _Weighted.of(T, seen, np.ones(len(points), np.bool_), optics, sigma)
+    behind = optics.to_plane(se3.transform(se3.inverse(T), points), views)[1] < _MIN_DEPTH
+    return Pose(T, found.variance * found.inverse, np.where(behind, np.inf, found.size))
+
+
+class _Sights(NamedTuple):
+    """Points (N, 3), and the views (N,) and positions (N, 2) in which they are seen."""
+
+    points: Array
+    views: NDArray[np.int8]
+    plane: Array
+
+    def take(self, rows: NDArray[np.bool_]) -> _Sights:
+        return _Sights(self.points[rows], self.views[rows], self.plane[rows])
+
+
+def _least_squares(T_world_rig: Array, seen: _Sights, optics: Optics, sigma: float) -> Array:
     (T,) = _core.refine_pose(
         focal=optics.focal,
         T_view_rig=np.ascontiguousarray(optics.T_view_rig),
         T_world_rig=np.ascontiguousarray(T_world_rig)[None],
-        points=np.ascontiguousarray(points),
-        view=views.astype(np.int64),
-        plane=np.ascontiguousarray(plane),
+        points=np.ascontiguousarray(seen.points),
+        view=seen.views.astype(np.int64),
+        plane=np.ascontiguousarray(seen.plane),
         sigma=sigma,
         max_steps=_STEPS,
     )
-    residual, J = linearise(T, points, views, plane, optics)
-    size = np.linalg.norm(residual, axis=1)
-    weight = 1.0 / (1.0 + (size / sigma) ** 2)
-    variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
-    H = np.einsum("n,nij,nik->jk", weight, J, J)
-    covariance = variance * np.linalg.pinv(H, hermitian=True)
-    behind = optics.to_plane(se3.transform(se3.inverse(T), points), views)[1] < _MIN_DEPTH
-    return Pose(T, covariance, np.where(behind, np.inf, size))
+    return np.asarray(T)
+
+
+@dataclass(frozen=True, slots=True)
+class _Weighted:
+    """A pose as robust measurements see it: residuals (N, 2), their sizes and derivatives (N, 2, 6), the
+    variance of one, and the inverse (6, 6) of their information in units of it.
+    """
+
+    residual: Array
+    size: Array
+    J: Array
+    variance: float
+    inverse: Array
+
+    @classmethod
+    def of(cls, T: Array, seen: _Sights, counts: NDArray[np.bool_], optics: Optics, sigma: float) -> Self:
+        """Only what `counts` (N,) goes into the variance and the information."""
+        residual, J = linearise(T, *seen, optics)
+        size = np.linalg.norm(residual, axis=1)
+        weight = counts / (1.0 + (size / sigma) ** 2)
+        variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
+        H = np.einsum("n,nij,nik->jk", weight, J, J)
+        return cls(residual, size, J, variance, np.linalg.pinv(H, hermitian=True))
+
+
+def _alone(T: Array, seen: _Sights, optics: Optics) -> NDArray[np.bool_]:
+    """Points that hold a good part of the pose by themselves, unlike most others of their view.
+
+    The few points of another view that tell the scale of a map hold a part of it, too, and must be heard.
+    """
+    residual, J = linearise(T, *seen, optics)
+    near = np.linalg.norm(residual, axis=1) < _NEAR
+    inverse = np.linalg.pinv(np.einsum("nij,nik->jk", J[near], J[near]), hermitian=True)
+    alone = np.sum((J @ inverse) * J, axis=(1, 2)) > _LEVERAGE
+    others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (seen.views[~alone], seen.views))
+    judged = others >= np.maximum(_LEAST_OTHERS, _SHARE_OTHERS * everyone)
+    return np.asarray(alone & judged[seen.views])
+
+
+def _borne_out(
+    T: Array, seen: _Sights, others: NDArray[np.bool_], optics: Optics, sigma: float
+) -> NDArray[np.bool_]:
+    """Points within what the pose from the `others` foretells of them (deleted residuals)."""
+    told = _Weighted.of(T, seen, others, optics, sigma)
+    variance = max(told.variance, _LEAST_ERROR**2)
+    S = variance * (np.eye(2) + told.J @ told.inverse @ np.swapaxes(told.J, 1, 2))
+    squared = np.einsum("ni,ni->n", told.residual, np.linalg.solve(S, told.residual[..., None])[..., 0])
+    return np.asarray(squared < _BORNE_OUT)
 
 
 def linearise(

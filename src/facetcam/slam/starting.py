@@ -20,6 +20,7 @@ from facetcam.slam.measure import Measurements
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, in_sight
+from facetcam.slam.scale_search import home_of_points
 from facetcam.slam.tracking import Fix, Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
@@ -30,7 +31,7 @@ from facetcam.slam.two_frames import (
     estimate_motion,
     standing_views,
 )
-from facetcam.slam.witnesses import LEAST_IN_VIEW, shares
+from facetcam.slam.witnesses import shares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -39,6 +40,9 @@ _MAX_WAITING = 40
 _LONG = 8  # waiting frames from which the middle one is tried as the first, too
 _LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
+_TRIALS = 3  # frames between in which a point was looked for
+_LEAST_FOUND = 0.5  # share of them in which a point of the world is found
+_MOST_RARE = 0.2  # of a view's points
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
 
 
@@ -180,25 +184,42 @@ class Starter:
     def _between(
         self, a: Keyframe, b: Keyframe, waiting: list[Waiting]
     ) -> tuple[list[tuple[float, Fix]], float]:
-        """Poses of the frames between the first keyframes, and the share of these frames that fit."""
+        """Poses of the frames between the first keyframes, and the share of these frames that fit.
+
+        Points that most of them lack are dropped: corners that look alike have met at a wrong depth.
+        """
         solved = []
         for between in waiting[1:-1]:
             time = between.frame.timestamp
             fix = self._tracker.find(between.frame, _interpolated(a, b, time))
             if _is_clear(fix):
                 solved.append((time, fix))
+        self._drop_rare([fix for _, fix in solved])
         return solved, len(solved) / (len(waiting) - 2) if len(waiting) > 2 else 1.0
 
-    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
-        """Poses of the frames that were left behind, from the first keyframe backwards.
+    def _drop_rare(self, fixes: list[Fix]) -> None:
+        """Drop points that most frames lack in which they were looked for, in whatever view.
 
-        Where several views bear out the first keyframe, one view does not do: a plane in it has two poses.
+        Where a view lacks many, rather the poses or the scale are wrong, which these points may tell yet.
         """
+        expected, found = np.zeros((2, len(self._map.points)), dtype=int)
+        for fix in fixes:
+            expected[np.unique(fix.predictions.point)] += 1
+            found[np.unique(fix.seen.point)] += 1
+        rare = (expected >= _TRIALS) & (found < _LEAST_FOUND * expected)
+        home = home_of_points(self._map)
+        for view in np.unique(home[rare]):
+            if np.mean(rare[home == view]) > _MOST_RARE:
+                rare[home == view] = False
+        self._mapper.drop(rare)
+
+    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
+        """Poses of the frames that were left behind, from the first keyframe backwards."""
         solved = []
-        T, needed = a.T_world_rig, min(_witnesses(a.observations.view), 2)
+        T = a.T_world_rig
         for before in reversed(passed):
             fix = self._tracker.find(before.frame, T)
-            if not _is_clear(fix) or _witnesses(fix.seen.view) < needed:
+            if not _is_clear(fix):
                 break
             T = fix.T_world_rig
             solved.append((before.frame.timestamp, fix))
@@ -207,11 +228,6 @@ class Starter:
 
 def _is_clear(fix: Fix | None) -> TypeGuard[Fix]:
     return fix is not None and fix.clear
-
-
-def _witnesses(view: NDArray[np.int8]) -> int:
-    """Count the views with enough of the measurements."""
-    return int(np.count_nonzero(np.bincount(view) >= LEAST_IN_VIEW))
 
 
 def _interpolated(a: Keyframe, b: Keyframe, timestamp: float) -> Array:

@@ -18,7 +18,7 @@ from facetcam.rig import Rig
 from facetcam.slam import outputs
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Frame, make_frame
-from facetcam.slam.keyframes import is_due, nearest_keyframe
+from facetcam.slam.localising import Localiser
 from facetcam.slam.map_file import MapHeader
 from facetcam.slam.motion import Motion
 from facetcam.slam.odometry import checked_odometry, planar_pose
@@ -28,12 +28,12 @@ from facetcam.slam.rig_refinement import RigRefinement, refine_rig
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.threads import Background, Pace
 from facetcam.slam.tracking import Fix
-from facetcam.slam.trust import Trust
 from facetcam.slam.uncertainty import pose_covariance
 
 Array = NDArray[np.float64]
 
 _PATIENCE = 10  # lost frames
+_BRIEF = 5.0  # seconds that a map was followed
 
 
 class Slam:
@@ -75,7 +75,7 @@ class Slam:
         self.config = config or SlamConfig()
         self.timing: dict[str, list[float]] = defaultdict(list)
         self._parts = parts = self._assemble()
-        self._map, self._grower, self._tracker = parts.map, parts.grower, parts.tracker
+        self._map, self._grower = parts.map, parts.grower
         self.rig_check = parts.rig_check
         self.rig_refinement: RigRefinement | None = None
         self.odometry_check = OdometryCheck()
@@ -85,7 +85,8 @@ class Slam:
         self._checking = Background(self.config.real_time)
         self._pace = Pace()
         self._motion = Motion()
-        self._trust = Trust(parts.optics.n_views)
+        n_views = parts.optics.n_views
+        self._localiser = Localiser(self._map, parts.tracker, self._motion, self.config, n_views)
         self._last_timestamp = -np.inf
         self._continued = False  # a map of an earlier run
         self._localise_only = False
@@ -156,34 +157,19 @@ class Slam:
 
     def _follow(self, frame: Frame, odometry: Array | None) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
+        grows = not self._localise_only and not self._mapping.busy
         with self._map.lock:
-            predictions = self._motion.predictions(frame.timestamp, odometry)
             with self._timed("track"):
-                proven = self.odometry_check.agrees
-                likeliest = predictions if proven else predictions[::-1]
-                fix = self._tracker.find(frame, *likeliest, velocity=self._motion.velocity)
-            found = fix is not None and self._trust.believes(
-                fix,
-                self._motion.reckoned(odometry),
-                self._motion.jumps(frame.timestamp, fix.T_world_rig, predictions),
-            )
-            due = fix is not None and found and self._accept(fix, frame.timestamp, odometry)
-        if fix is None or not found:
+                fix = self._localiser.find(frame, odometry, self.odometry_check.agrees, grows)
+            if fix is not None and self._motion.lost_frames:
+                self._parts.resumer.forget()
+            due = fix is not None and self._localiser.accept(frame, fix, odometry)
+        if fix is None:
             return self._miss(frame, odometry)
-        keyframe = due and not self._localise_only and not self._mapping.busy
+        keyframe = due and grows
         if keyframe:
             self._mapping.run(lambda: self._grow(frame, fix, odometry))
         return self._state(frame, fix, keyframe)
-
-    def _accept(self, fix: Fix, timestamp: float, odometry: Array | None) -> bool:
-        """Believe a pose; tells whether a keyframe is due."""
-        if self._motion.lost_frames:
-            self._parts.resumer.forget()
-        self._tracker.record(fix)
-        nearest, distance = nearest_keyframe(self._map, fix, self.config)
-        self._motion.follow(timestamp, fix, nearest, odometry)
-        self._trust.accept()
-        return is_due(fix, nearest, distance, self.config)
 
     def _grow(self, frame: Frame, fix: Fix, odometry: Array | None) -> None:
         with self._timed("map"):
@@ -192,8 +178,8 @@ class Slam:
     def _miss(self, frame: Frame, odometry: Array | None) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._motion.lose(odometry, self.odometry_check.agrees)
-        self._trust.lose()
-        if self._motion.lost_frames > _PATIENCE and self._young:
+        self._localiser.doubt()
+        if self._gives_up(frame):
             self._forget()
             return self._start(frame, odometry)
         with self._map.lock:
@@ -217,12 +203,19 @@ class Slam:
         self._mapping.wait()
         start = self._parts.resumer.carry_over(start, T_world_rig, self._motion.covariance)
         self._motion.resume(start)
-        self._trust = Trust(self._parts.optics.n_views)
+        self._localiser.trust_again()
         return True
 
     @property
     def _young(self) -> bool:
         return self._map.young and not self._continued
+
+    def _gives_up(self, frame: Frame) -> bool:
+        """Tell whether a lost map was wrong, or so brief that a new one serves better than waiting for it."""
+        if self._motion.lost_frames <= _PATIENCE or self._continued:
+            return False
+        followed, lost = self._motion.trajectory.since(frame.timestamp)
+        return self._map.young or followed < min(lost, _BRIEF)
 
     def _forget(self) -> None:
         """A map that fails this early was wrong: forget it with its poses."""
@@ -351,7 +344,7 @@ class Slam:
             raise MapError(f"{path}: a map is loaded before the first frame")
         header = outputs.load(path, self.rig, self._map, self._parts.places, self._parts.optics)
         self._continued, self._localise_only = True, localise_only
-        self._trust.lose()
+        self._localiser.doubt()
         self._parts.mapper.session, self._earlier_loops = header.sessions, header.loops
         self._grower.go_on(np.inf if header.scale_sigma is None else header.scale_sigma)
         return header

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 from facetcam.features import match_windowed
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.doubt import refuting_motion
+from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
-from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.map import Keyframe, Map, Points
 from facetcam.slam.measure import Measurements, Predictions, measure, predict, thin
 from facetcam.slam.optics import Optics
+from facetcam.slam.pairs import match_corners
 from facetcam.slam.pose import Pose, generalized_pose, refine_pose
 from facetcam.slam.relocalisation import AGREEING, Relocaliser
 from facetcam.slam.shutter import at_one_moment
@@ -27,6 +30,8 @@ _NEAR_KEYFRAMES = 10
 _WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
 _AT_REST = np.zeros(6)
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
+_TYPICAL = 0.5  # px, by which a good measurement may be off
+_SURE = 0.75  # mean of what the measurements of a pose count that none betters
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
 _BY_CHANCE = 0.2  # share of the predictions that any pose may find
@@ -52,6 +57,16 @@ class Fix:
     def clear(self) -> bool:
         """Tell whether most of what was expected is there: look-alikes rarely agree so far."""
         return len(self.seen) >= _CLEAR * len(self.predictions)
+
+    @property
+    def score(self) -> float:
+        """Measurements, each counted by how well it agrees."""
+        return float(np.sum(1.0 / (1.0 + (self.pose.residuals / _TYPICAL) ** 2)))
+
+    @property
+    def sure(self) -> bool:
+        """Tell whether no other pose can do better: what agrees with a clear one does so closely."""
+        return self.clear and self.score >= _SURE * len(self.seen)
 
     @property
     def likely(self) -> bool:
@@ -95,27 +110,54 @@ class Tracker:
         self._config = config
         self._corners = corners
         self._relocaliser = relocaliser
+        self._last: tuple[Frame, Measurements, Points] | None = None
 
     def find(self, frame: Frame, *predicted: Array, velocity: Array = _AT_REST) -> Fix | None:
         """Pose of a frame near one of its predictions, the likeliest first; there may be none.
 
         `velocity` is the right-hand twist (6,) a second while the shutter rolls.
 
-        Where patches agree poorly more of the map is tried, and the descriptors are asked too, first near the
-        prediction, then at the places of the map that look like the frame.
+        Where patches agree poorly the last frame's points are followed by their flow, more of the map is
+        tried, and the descriptors are asked too, first near the prediction, then at the places of the map
+        that look like the frame.
         """
         best = None
         for T_world_rig in predicted:
             best = better(best, self.locate(frame, T_world_rig, velocity=velocity))
-            if best is not None and best.clear:
+            if best is not None and best.sure:
                 return best
+        best = better(best, self._followed(frame, velocity, *predicted[:1]))
+        if best is not None and best.clear:
+            return best
         if best is None:
             for T_world_rig in predicted:
                 best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
         return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
-    def record(self, fix: Fix) -> None:
+    def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
+        """A pose that the corners of the last keyframe do not refute, or else the one that they show.
+
+        A map that is bent, or looks alike elsewhere, draws poses astray, and grows there; from frame to frame
+        corners need no map. None where no pose stands.
+        """
+        last, corners = self._map.keyframes[-1], self._corners(frame)
+        pairs = match_corners(last.corners, corners, self._config)
+        T_last_new = se3.inverse(last.T_world_rig) @ fix.T_world_rig
+        another = refuting_motion(pairs, T_last_new, self._optics)
+        if another is None:
+            return fix
+        self._last = None
+        own, length = (float(np.linalg.norm(T[:3, 3])) for T in (T_last_new, another))
+        another[:3, 3] *= own / max(length, 1e-9)  # lengths are what corners tell worst
+        found = self.locate(frame, last.T_world_rig @ another, velocity=velocity)
+        if found is None:
+            return None
+        T_last_new = se3.inverse(last.T_world_rig) @ found.T_world_rig
+        return found if refuting_motion(pairs, T_last_new, self._optics) is None else None
+
+    def record(self, frame: Frame, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
+        self._last = (frame, fix.seen, self._map.points)
         np.add.at(self._map.points.predicted, fix.predictions.point, 1)
         np.add.at(self._map.points.found, fix.seen.point, 1)
 
@@ -147,6 +189,18 @@ class Tracker:
             return None
         fix = Fix(pose, expected, seen.take(fits))
         return fix if fix.borne_out else None
+
+    def _followed(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
+        """Pose to which the points of the frame before have moved."""
+        if not predicted or self._last is None:
+            return None
+        before, seen, points = self._last
+        if points is not self._map.points:  # that map was forgotten
+            return None
+        T = pose_by_flow(
+            before, seen, points.xyz[seen.point], frame, predicted[0], self._optics, self._config
+        )
+        return None if T is None else self.locate(frame, T, velocity=velocity)
 
     def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
@@ -204,5 +258,5 @@ def _beside(a: Fix, b: Fix) -> bool:
 
 
 def better(a: Fix | None, b: Fix | None) -> Fix | None:
-    """The one that finds most, but for look-alikes, which find little of what would have to be there."""
-    return max(a, b, key=lambda fix: (False, 0) if fix is None else (fix.likely, len(fix.seen)))
+    """The one with which more agrees, but for look-alikes, which lack most of what would have to be there."""
+    return max(a, b, key=lambda fix: (False, 0) if fix is None else (fix.likely, fix.score))

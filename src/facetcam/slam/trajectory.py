@@ -88,6 +88,10 @@ class Trajectory:
                 )
                 return
 
+    def forget_after(self, timestamp: float) -> None:
+        """Forget the frames after one."""
+        self._frames = [f for f in self._frames if f.timestamp <= timestamp]
+
     def velocity(self, timestamp: float) -> Array:
         """Right-hand twist (6,) a second at a recent frame, from its neighbours in time; zero without any."""
         near = [f for f in self._frames[-_RECENT:] if abs(f.timestamp - timestamp) < _NEAR]
@@ -122,6 +126,10 @@ class Trajectory:
     def last_timestamp(self) -> float:
         """Time of the frame added last."""
         return self._frames[-1].timestamp
+
+    def since(self, timestamp: float) -> tuple[float, float]:
+        """Seconds from the first frame to the last, and from that one on."""
+        return self.last_timestamp - self._frames[0].timestamp, timestamp - self.last_timestamp
 
     @property
     def last_keyframe(self) -> Keyframe:

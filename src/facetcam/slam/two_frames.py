@@ -120,7 +120,7 @@ def _agreed(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
     for _ in range(_AGREEING_ROUNDS):
         against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
         agreeing = pairs if against is None else pairs.without(against)
-        best = _polished(best, agreeing, optics)
+        best = polished(best, agreeing, optics)
     return agreeing, best
 
 
@@ -132,8 +132,8 @@ def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None
     pairs = pairs.without(standing_views(pairs))
     if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
         return T_a_b
-    polished = np.stack([_polished(T, pairs, optics) for T in _turned_otherwise(pairs, T_a_b, optics)])
-    best = polished[int(np.argmin(pairs.misfit(polished, optics)))]
+    turned = np.stack([polished(T, pairs, optics) for T in _turned_otherwise(pairs, T_a_b, optics)])
+    best = turned[int(np.argmin(pairs.misfit(turned, optics)))]
     against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
     if against is None or len(against) or not _much_alike(best, T_a_b):
         pairs, best = _suiting_most(pairs, T_a_b, optics)
@@ -158,7 +158,7 @@ def _suiting_most(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Ar
     proposals = [T_a_b]
     for view in shares(pairs.views, pairs.move())[0]:
         own = pairs.without(np.setdiff1d(pairs.views, view))
-        proposals += [_polished(T, own, optics) for T in _turned_otherwise(own, T_a_b, optics)]
+        proposals += [polished(T, own, optics) for T in _turned_otherwise(own, T_a_b, optics)]
     alike = np.stack([T for T in proposals if _much_alike(T, T_a_b)])
     share = shares(pairs.views, pairs.fit(alike, optics))[1].sum(axis=-1)
     share -= np.array([_turned(T, T_a_b) for T in alike]) / _MOST_TURNED  # what measured it is a witness, too
@@ -187,11 +187,11 @@ def _turned(T: Array, T_measured: Array) -> float:
 def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> Array | None:
     """Motion of the rig that suits most views, from what single views propose."""
     best = joint_proposal(pairs, proposals, optics)
-    return None if best is None else _polished(best, pairs, optics)
+    return None if best is None else polished(best, pairs, optics)
 
 
-def _polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
-    """Least epipolar errors of all views together, length included as far as the pairs determine it."""
+def polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
+    """The motion with the least epipolar errors of all views; they move its length as far as they know it."""
     length = float(np.linalg.norm(T_a_b[:3, 3]))
 
     def residuals(twists: Array) -> Array:

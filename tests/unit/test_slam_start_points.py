@@ -1,0 +1,50 @@
+"""Which points of a first map are kept: those that the frames between its two keyframes show, too."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+from slam_worlds import folded
+
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.map import Keyframe
+from facetcam.slam.parts import Parts
+
+N = 46  # points, of which view 1 shows 40 and view 0 the rest
+
+
+def dropped(frames: int, lacking: list[int]) -> list[int]:
+    """Points that a start drops where `frames` frames show all but some."""
+    parts = Parts.assemble(folded(), SlamConfig())
+    points = parts.map.points
+    columns = {n: np.zeros((N, *getattr(points, n).shape[1:]), getattr(points, n).dtype) for n in POINTS}
+    ids = points.extend(**columns)
+    view = np.where(ids < 40, 1, 0).astype(np.int8)
+    for k in range(2):
+        keyframe = Keyframe(k, 0.1 * k, np.eye(4), cast(Any, None), None, None)
+        keyframe.observations.append(ids, view, np.zeros((N, 2)), np.zeros((N, 2)))
+        parts.map.keyframes.append(keyframe)
+    rows = []
+    parts.mapper.drop = lambda given: rows.append(np.flatnonzero(given))  # type: ignore[method-assign]
+    seen = np.setdiff1d(ids, lacking)
+    fix = SimpleNamespace(predictions=SimpleNamespace(point=ids), seen=SimpleNamespace(point=seen))
+    parts.starter._drop_rare([cast(Any, fix)] * frames)
+    return cast(list[int], rows[0].tolist())
+
+
+POINTS = ("xyz", "patch", "offset", "tangent", "jacobian", "descriptor", "colour", "predicted", "found")
+
+
+def test_a_point_that_most_frames_lack_is_dropped() -> None:
+    assert dropped(4, [3, 17]) == [3, 17]
+
+
+def test_too_few_frames_tell_nothing() -> None:
+    assert dropped(2, [3, 17]) == []
+
+
+def test_a_view_that_lacks_many_is_heard_all_the_same() -> None:
+    """Half of the six points that may tell the scale: then rather the scale is wrong."""
+    assert dropped(4, [3, 41, 43, 45]) == [3]
