@@ -120,7 +120,7 @@ def test_an_error_in_mapping_reaches_the_caller(shot: Shot, monkeypatch: pytest.
         raise MemoryError("no room for a keyframe")
 
     monkeypatch.setattr(Mapper, "insert", fail)
-    monkeypatch.setattr("facetcam.slam.system.is_due", lambda *_: True)
+    monkeypatch.setattr("facetcam.slam.localising.is_due", lambda *_: True)
     with pytest.raises(MemoryError, match="no room"):
         for later in range(k + 1, FRAMES):
             shot.feed(slam, later)
