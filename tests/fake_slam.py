@@ -28,6 +28,7 @@ class FakeSlam:
     scale_sigma = np.inf
     rig_refinement = None
     nuisances = np.zeros(3)
+    given_up: tuple[float, ...] = ()
     rig_check = SimpleNamespace(complaint="")
     grown = False
     loops = 0

@@ -69,6 +69,15 @@ def test_what_was_found_of_shutter_and_camera_is_said(
     assert (summary["readout_s"], summary["creep_px"]) == (0.0174, [-0.02, creep])
 
 
+def test_a_map_that_was_given_up_is_said(
+    facetcam: Facetcam, film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FakeSlam, "given_up", [2.94, 7.5])
+    result = facetcam("slam", film, "--rig", rig, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "the map was begun anew at 2.9 s, 7.5 s; the path is that of the last" in result.stderr
+
+
 def test_live_poses_stay_beside_the_final_ones(film: Path, rig: Path, tmp_path: Path) -> None:
     run_slam(film, rig, tmp_path / "out")
     times, poses = read_tum(tmp_path / "out" / "trajectory.tum")

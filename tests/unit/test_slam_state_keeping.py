@@ -12,7 +12,7 @@ from slam_worlds import folded, in_sight, look, winding_path
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.simulation.drive import round_the_table, wheel_odometry
-from facetcam.slam import Slam
+from facetcam.slam import Slam, Status
 from facetcam.slam.frame import Corners, Frame, make_frame
 from facetcam.slam.map import Keyframe, Map, Observations, Points
 from facetcam.slam.measure import Measurements
@@ -270,6 +270,9 @@ def test_only_a_brief_map_or_a_young_one_is_given_up(
 ) -> None:
     slam, frame = lost(followed, waited, keyframes)
     assert slam._gives_up(frame) == given_up
+    state = slam.track(frame.grey, frame.timestamp)
+    assert state.status is (Status.STARTING if given_up else Status.LOST)
+    assert slam.given_up == ([frame.timestamp] if given_up and keyframes > 7 else [])
 
 
 def test_a_loaded_map_is_never_given_up() -> None:

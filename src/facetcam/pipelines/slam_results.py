@@ -122,6 +122,11 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
     creep = float(np.linalg.norm(slam.nuisances[1:]))
     if creep > 2.0 * CREEP_SIGMA:
         found.append(f"the camera has crept by {creep:.1f} px against its mirrors; calibrate the rig again")
+    if slam.given_up:
+        times = ", ".join(f"{t:.1f} s" for t in slam.given_up)
+        found.append(
+            f"lost soon after the start, the map was begun anew at {times}; the path is that of the last"
+        )
     if slam.odometry_check.complaint:
         found.append(f"odometry not used: {slam.odometry_check.complaint}")
     return found

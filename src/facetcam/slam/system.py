@@ -58,6 +58,9 @@ class Slam:
         more, and what it brought into the map is taken out.
     dropped : int
         Frames dropped to keep up with real time.
+    given_up : list of float
+        Seconds at which a map that had been followed was given up for a new one, in whose frame all later
+        poses are.
     timing : dict of str to list of float
         Seconds of each stage, call by call.
 
@@ -80,6 +83,7 @@ class Slam:
         self.rig_refinement: RigRefinement | None = None
         self.odometry_check = OdometryCheck()
         self.dropped = 0
+        self.given_up: list[float] = []
         self._calls = threading.Lock()
         self._mapping = Background(self.config.real_time)
         self._checking = Background(self.config.real_time)
@@ -180,6 +184,7 @@ class Slam:
         self._motion.lose(odometry, self.odometry_check.agrees)
         self._localiser.doubt()
         if self._gives_up(frame):
+            self.given_up += [] if self._young else [frame.timestamp]
             self._forget()
             return self._start(frame, odometry)
         with self._map.lock:
