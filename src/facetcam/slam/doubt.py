@@ -19,7 +19,6 @@ _AGREEING = 0.5  # share of a view's pairs, below which it contradicts a motion
 _STANDING = 0.5  # and above which it stands where the turn alone should have moved it
 _SURE = 0.8  # and above which it agrees with it beyond doubt
 _CLEAR = 0.4  # and above which it bears one out that refutes another
-_MOSTLY = 0.6  # mean share of these views
 _BETTER = 0.2  # by which another motion's share is larger
 _ALIKE = 0.03  # radians between the turns, and between the ways, of motions that may differ in length alone
 
@@ -58,8 +57,7 @@ def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
 def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
     """The motion that several views show where they contradict this one; None where they do not.
 
-    The map must be grown: its lengths are right, so small turns astray count, too. Of pairs by chance, as in
-    the dark, a motion that is made to suit them explains up to a half.
+    The map must be grown: its lengths are right, so small turns astray count, too.
     """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
     another = _of_doubters(pairs, witnesses[fitting < _AGREEING], T_a_b, optics)
@@ -68,8 +66,7 @@ def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against = (fitting < _AGREEING) & (otherwise > np.maximum(fitting + _BETTER, _CLEAR))
     in_favour = fitting > otherwise + _BETTER
-    refuted = against.sum() >= 2 and not in_favour.any() and otherwise[against].mean() > _MOSTLY
-    return another if refuted else None
+    return another if against.sum() >= 2 and against.sum() > in_favour.sum() else None
 
 
 def _of_doubters(pairs: Pairs, doubters: Index, T_a_b: Array, optics: Optics) -> Array | None:
