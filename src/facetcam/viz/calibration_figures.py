@@ -132,7 +132,7 @@ def _colour_bar(figure: Figure, drawn: QuadMesh) -> None:
     share = _BAR / (height + _BAR)
     figure.set_size_inches(width, height + _BAR)
     figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0.0, share, 1.0, 1.0 - share)))
-    place = figure.add_axes((0.01, 0.7 * share, 0.4, 0.18 * share))
+    place = figure.add_axes((0.03, 0.7 * share, 0.4, 0.18 * share))
     bar = figure.colorbar(drawn, cax=place, orientation="horizontal")
     bar.outline.set_visible(False)
     bar.ax.tick_params(colors=MUTED, length=0, which="both", labelsize=8)
