@@ -269,7 +269,7 @@ def test_only_a_brief_map_or_a_young_one_is_given_up(
     followed: float, waited: float, keyframes: int, given_up: bool
 ) -> None:
     slam, frame = lost(followed, waited, keyframes)
-    assert slam._gives_up(frame) == given_up
+    assert slam._loop._gives_up(frame) == given_up
     state = slam.track(frame.grey, frame.timestamp)
     assert state.status is (Status.STARTING if given_up else Status.LOST)
     assert slam.given_up == ([frame.timestamp] if given_up and keyframes > 7 else [])
@@ -277,8 +277,8 @@ def test_only_a_brief_map_or_a_young_one_is_given_up(
 
 def test_a_loaded_map_is_never_given_up() -> None:
     slam, frame = lost(2.0, 5.0, 7)
-    slam._continued = True
-    assert not slam._gives_up(frame)
+    slam._loop.go_on(localise_only=False)
+    assert not slam._loop._gives_up(frame)
 
 
 def test_poses_that_were_wrong_are_forgotten_back_to_the_last_keyframe() -> None:

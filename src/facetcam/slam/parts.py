@@ -38,6 +38,11 @@ class Parts:
     grower: Grower
     rig_check: RigCheck
 
+    @property
+    def metric(self) -> bool:
+        """True where the images prove the scale of the map, and do not deny the rig that it comes from."""
+        return self.grower.metric and (self.rig_check.fits or self.rig_check.refined)
+
     @classmethod
     def assemble(cls, rig: Rig, config: SlamConfig, front_end: FrontEnd = SiicfFeatures) -> Self:
         """Put them together round an empty map."""

@@ -37,6 +37,13 @@ class RigCheck:
     optics : Optics
     config : SlamConfig
     corners : CornerFinder
+
+    Attributes
+    ----------
+    misfit : float or None
+        How much worse one motion explains the images, once it is known.
+    refined : bool
+        True once the rig's numbers have been refined with the map, which outdates the verdict.
     """
 
     def __init__(self, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
@@ -48,7 +55,8 @@ class RigCheck:
         self._last: Frame | None = None
         self._separate: list[Array] = []
         self._joint: list[Array] = []
-        self.misfit: float | None = None  # how much worse one motion explains the images, once it is known
+        self.misfit: float | None = None
+        self.refined = False
 
     @property
     def fits(self) -> bool:

@@ -1,0 +1,197 @@
+"""What happens in every frame: the map is followed, grows, is lost and found again, or begins."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import Frame
+from facetcam.slam.localising import Localiser
+from facetcam.slam.motion import Motion
+from facetcam.slam.odometry import planar_pose
+from facetcam.slam.parts import Parts
+from facetcam.slam.state import State, Status, ViewHealth
+from facetcam.slam.stopwatch import Stopwatch
+from facetcam.slam.threads import Background
+from facetcam.slam.tracking import Fix
+from facetcam.slam.uncertainty import pose_covariance
+
+Array = NDArray[np.float64]
+
+_PATIENCE = 10  # lost frames
+_BRIEF = 5.0  # seconds that a map was followed
+
+
+class MainLoop:
+    """Takes frame after frame.
+
+    Parameters
+    ----------
+    parts, motion, config
+        Of the system.
+    mapping : Background
+        Where the map grows.
+    stopwatch : Stopwatch
+
+    Attributes
+    ----------
+    localise_only : bool
+        The map stays as it is.
+    given_up : list of float
+        Seconds at which a map that had been followed was given up.
+    """
+
+    def __init__(
+        self, parts: Parts, motion: Motion, config: SlamConfig, mapping: Background, stopwatch: Stopwatch
+    ) -> None:
+        self._parts = parts
+        self._map = parts.map
+        self._motion = motion
+        self._config = config
+        self._mapping = mapping
+        self._timed = stopwatch.timed
+        self._localiser = Localiser(parts.map, parts.tracker, motion, config, parts.optics.n_views)
+        self._continued = False  # a map of an earlier run
+        self.localise_only = False
+        self.given_up: list[float] = []
+
+    def go_on(self, localise_only: bool) -> None:
+        """The map is that of an earlier run: the rig must be found there first."""
+        self._continued, self.localise_only = True, localise_only
+        self._localiser.doubt()
+
+    def take(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
+        """One frame with its odometry, which `wheels_proven` says to foretell the rig best."""
+        if self._parts.mapper.denied and self._young:
+            self._forget()
+        if self._map.keyframes:
+            state = self._follow(frame, wheels, wheels_proven)
+        else:
+            state = self._start(frame, wheels)
+        self._motion.odometry = wheels
+        return state
+
+    def _follow(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
+        """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
+        grows = not self.localise_only and not self._mapping.busy
+        with self._map.lock:
+            with self._timed("track"):
+                fix = self._localiser.find(frame, wheels, wheels_proven, grows)
+            if fix is not None and self._motion.lost_frames:
+                self._parts.resumer.forget()
+            due = fix is not None and self._localiser.accept(frame, fix, wheels)
+        if fix is None:
+            return self._miss(frame, wheels, wheels_proven)
+        keyframe = due and grows
+        if keyframe:
+            self._mapping.run(lambda: self._grow(frame, fix, wheels))
+        return self._found(frame, fix, keyframe)
+
+    def _grow(self, frame: Frame, fix: Fix, wheels: Array | None) -> None:
+        with self._timed("map"):
+            self._parts.grower.grow(frame, fix, wheels, self._motion.trajectory)
+
+    def _miss(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
+        """No pose from the images: follow the wheels, or say that the rig is lost."""
+        self._motion.lose(wheels, wheels_proven)
+        self._localiser.doubt()
+        if self._gives_up(frame):
+            self.given_up += [] if self._young else [frame.timestamp]
+            self._forget()
+            return self._start(frame, wheels)
+        with self._map.lock:
+            last = self._map.keyframes[-1]
+            T = self._motion.roll(frame.timestamp, wheels, self._config.odometry_sigma, last)
+        if T is None:
+            return State(frame.timestamp, Status.LOST, map_points=self._n_points)
+        if self._resumes(frame, wheels, T):
+            return self._begun(frame, self._motion.trajectory.last(), self._motion.covariance)
+        covariance = self._motion.covariance
+        return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
+
+    def _resumes(self, frame: Frame, wheels: Array | None, T_world_rig: Array) -> bool:
+        """Go on with the map from where the wheels have carried the rig, once two frames show enough."""
+        if self.localise_only or wheels is None:
+            return False
+        with self._timed("start"):
+            start = self._parts.resumer.offer(frame, wheels)
+        if start is None:
+            return False
+        self._mapping.wait()
+        start = self._parts.resumer.carry_over(start, T_world_rig, self._motion.covariance)
+        self._motion.resume(start)
+        self._localiser.trust_again()
+        return True
+
+    @property
+    def _n_points(self) -> int:
+        return int(np.count_nonzero(self._map.points.alive))
+
+    @property
+    def _young(self) -> bool:
+        return self._map.young and not self._continued
+
+    def _gives_up(self, frame: Frame) -> bool:
+        """Tell whether a lost map was wrong, or so brief that a new one serves better than waiting for it."""
+        if self._motion.lost_frames <= _PATIENCE or self._continued:
+            return False
+        followed, lost = self._motion.trajectory.since(frame.timestamp)
+        return self._map.young or followed < min(lost, _BRIEF)
+
+    def _forget(self) -> None:
+        """A map that fails this early was wrong: forget it with its poses."""
+        self._mapping.wait()
+        self._parts.grower.start_again()
+        self._parts.resumer.forget()
+        self._motion.forget()
+
+    def _start(self, frame: Frame, wheels: Array | None) -> State:
+        """Wait for two frames that can start the map."""
+        with self._timed("start"):
+            start = self._parts.starter.offer(frame, wheels)
+        if start is None:
+            return State(frame.timestamp, Status.STARTING, None if wheels is None else planar_pose(wheels))
+        self._motion.begin(start)
+        start.first.measured = start.last.measured = len(start.last.observations)
+        return self._begun(frame, start.last.T_world_rig.copy())
+
+    def _begun(self, frame: Frame, T_world_rig: Array, covariance: Array | None = None) -> State:
+        """State of a frame with which a map begins, or goes on."""
+        return State(
+            frame.timestamp,
+            Status.TRACKING,
+            T_world_rig,
+            covariance,
+            keyframe=True,
+            map_points=self._n_points,
+        )
+
+    def _found(self, frame: Frame, fix: Fix, keyframe: bool) -> State:
+        """State of a frame that was found in the map."""
+        names = self._parts.optics.names
+        expected, inliers = (
+            np.bincount(rows.view, minlength=len(names)).tolist() for rows in (fix.predictions, fix.seen)
+        )
+        with self._map.lock:
+            T_world_rig = self._motion.trajectory.last()
+            self._motion.covariance = self._covariance(T_world_rig, fix)
+        return State(
+            timestamp=frame.timestamp,
+            status=Status.TRACKING,
+            T_world_rig=T_world_rig,
+            covariance=self._motion.covariance,
+            views={name: ViewHealth(*counts) for name, *counts in zip(names, expected, inliers)},
+            keyframe=keyframe,
+            metric=self._parts.metric,
+            scale_sigma=self._parts.grower.scale_sigma,
+            map_points=self._n_points,
+            pixels=fix.seen.pixels.astype(np.float32),
+            pixel_views=fix.seen.view,
+        )
+
+    def _covariance(self, T_world_rig: Array, fix: Fix) -> Array:
+        near = [self._motion.trajectory.last_keyframe, *self._map.keyframes[::-1]]
+        wheels = self._motion.odometry is not None
+        sigma = self._parts.grower.scale_sigma
+        return pose_covariance(T_world_rig, fix.pose.covariance, near, sigma, wheels)
