@@ -44,15 +44,29 @@ def filmed(true: Optics, judge: Optics, T_a_b: Array, rng: np.random.Generator) 
     return Pairs(views, judge.plane(a.pixels[rows_a], views), judge.plane(pixels_b, views))
 
 
-def check(true: Rig, judged: Rig, comparisons: int = 8) -> RigCheck:
-    """The check of one rig on what another films."""
+def walked_through(pairs: Pairs, walker: Pairs, view: int) -> Pairs:
+    """The pairs, but those of one view as if all that it shows moved by itself."""
+    kept, walks = pairs.without(np.array([view])), walker.views == view
+    return Pairs(
+        np.concatenate([kept.views, walker.views[walks]]),
+        np.concatenate([kept.plane_a, walker.plane_a[walks]]),
+        np.concatenate([kept.plane_b, walker.plane_b[walks]]),
+    )
+
+
+def check(true: Rig, judged: Rig, comparisons: int = 8, walker: int | None = None) -> RigCheck:
+    """The check of one rig on what another films, with something that moves before one view."""
     rng = np.random.default_rng(31)
     film, optics = Optics(true, 8.0), Optics(judged, 8.0)
     config = SlamConfig()
     rig_check = RigCheck(optics, config, CornerFinder(optics, config.features))
     for _ in range(comparisons):
         turn, step = rng.normal(0.0, [0.02, 0.02, 0.12]), rng.normal(0.0, 0.15, 3)
-        rig_check.compare(filmed(film, optics, se3.exp([*turn, *step]), rng))
+        pairs = filmed(film, optics, se3.exp([*turn, *step]), rng)
+        if walker is not None:
+            T_seen = se3.exp([0.0, 0.0, 0.05, 0.3, 0.0, 0.0])  # steadily across, however the rig moves
+            pairs = walked_through(pairs, filmed(film, optics, T_seen, rng), walker)
+        rig_check.compare(pairs)
     return rig_check
 
 
@@ -68,6 +82,23 @@ def test_a_mirror_off_by_two_degrees_is_noticed(rig: Rig) -> None:
     found = check(rig, tilted(rig, rig.views[rig.view_names[1]].mirrors[-1], 1.5))
     assert not found.fits
     assert "does not fit this film" in found.complaint
+    assert f"well without {rig.view_names[1]}" in found.complaint
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_someone_who_walks_before_a_view_is_not_the_rigs_fault(view: int) -> None:
+    rig = folded()
+    found = check(rig, rig, walker=view)
+    assert found.misfit is not None and found.misfit > 1.3  # the rig would be blamed
+    assert found.fits and not found.complaint
+    assert f"the view {rig.view_names[view]} moves by itself" in found.remark
+
+
+def test_of_two_views_none_can_tell_which_is_wrong() -> None:
+    rig = folded()
+    two = replace(rig, views={name: rig.views[name] for name in ("front", "left")})
+    found = check(two, two, walker=0)
+    assert found.complaint and not found.remark
 
 
 def test_views_that_swapped_places_are_noticed() -> None:

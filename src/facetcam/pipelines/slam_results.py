@@ -112,7 +112,7 @@ def summarise(
 
 def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
     """What the images say against the rig and the odometry."""
-    found = [slam.rig_check.complaint] if slam.rig_check.complaint else []
+    found = [said for said in (slam.rig_check.complaint, slam.rig_check.remark) if said]
     if inputs.config.refine_rig and slam.rig_refinement is None and not inputs.maps.localize:
         found.append("the rig was not refined: the map has too few keyframes")
     if inputs.odometry_offset:

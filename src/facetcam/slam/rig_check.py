@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.optics import Optics
@@ -23,6 +27,8 @@ _TRIES = 60  # comparisons, the useless ones too, after which the question stays
 _STARTS = 2  # views whose motions are tried for the whole rig
 _GATE = 2.0  # px
 _MISFIT = 1.3
+_FIT = 1.15
+_OWN_TURN = 0.01  # radians by which a view that moves by itself turns more or less than the rig
 
 
 class RigCheck:
@@ -31,6 +37,10 @@ class RigCheck:
     Any view by itself is an ordinary camera, whatever the rig's file says of its place. If the file is right,
     one motion of the rig explains all views as well as a motion for each does; if not, the epipolar errors
     grow. The question stays open for a rig of one view, and while the images show too little motion.
+
+    Where all but one view agree, a mirror stands otherwise, or something moves before that view, or sticks to
+    it. A mirror turns what it shows by as much as the rig turns, whatever its file says of it; a person does
+    not.
 
     Parameters
     ----------
@@ -44,6 +54,10 @@ class RigCheck:
         How much worse one motion explains the images, once it is known.
     refined : bool
         True once the rig's numbers have been refined with the map, which outdates the verdict.
+    odd_view : str
+        The view without which all others fit; empty where there is none.
+    moves_by_itself : bool
+        True where something before that view explains it, and the rig need not be wrong.
     """
 
     def __init__(self, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
@@ -53,20 +67,24 @@ class RigCheck:
         self._frames = 0
         self._tries = 0
         self._last: Frame | None = None
-        self._separate: list[Array] = []
-        self._joint: list[Array] = []
+        self._comparisons: list[Comparison] = []
         self.misfit: float | None = None
         self.refined = False
+        self.odd_view = ""
+        self.moves_by_itself = False
 
     @property
     def fits(self) -> bool:
         """False once the images have shown that the rig is not that of the film."""
-        return self.misfit is None or self.misfit < _MISFIT
+        return self.misfit is None or self.misfit < _MISFIT or self.moves_by_itself
 
     @property
     def errors(self) -> tuple[float, float]:
         """Median epipolar error in pixels with a motion for each view, and with one for all."""
-        return float(np.median(np.concatenate(self._separate))), float(np.median(np.concatenate(self._joint)))
+        alone, joint = (
+            np.concatenate([getattr(c, kind) for c in self._comparisons]) for kind in ("alone", "joint")
+        )
+        return float(np.median(alone)), float(np.median(joint))
 
     @property
     def complaint(self) -> str:
@@ -74,10 +92,19 @@ class RigCheck:
         if self.fits:
             return ""
         alone, together = self.errors
+        without = f", though well without {self.odd_view}" if self.odd_view else ""
         return (
             f"this rig does not fit this film: its views move by themselves to {alone:.2f} px, but as one rig"
-            f" only to {together:.2f} px; calibrate the rig (facetcam calibrate), or give the film's own"
+            f" only to {together:.2f} px{without}; calibrate the rig (facetcam calibrate), or give the film's"
+            " own"
         )
+
+    @property
+    def remark(self) -> str:
+        """What a view shows that is not the rig's fault, for people; empty where nothing is."""
+        if not self.moves_by_itself:
+            return ""
+        return f"the view {self.odd_view} moves by itself: someone walks before it, or it stands still"
 
     def offer(self, frame: Frame) -> None:
         """Take the next frame; every few frames it is compared with the one before."""
@@ -94,18 +121,69 @@ class RigCheck:
     def compare(self, pairs: Pairs) -> None:
         """Take the matches of two frames."""
         self._tries += 1
-        errors = _epipolar_errors(pairs, self._optics)
-        if errors is None:
+        comparison = compared(pairs, self._optics)
+        if comparison is None:
             return
-        self._separate.append(errors[0])
-        self._joint.append(errors[1])
-        if len(self._joint) == _COMPARISONS:
-            both = zip(self._separate, self._joint)
-            self.misfit = float(np.median([np.median(joint) / np.median(alone) for alone, joint in both]))
+        self._comparisons.append(comparison)
+        if len(self._comparisons) == _COMPARISONS:
+            self.misfit = _misfit(self._comparisons)
+            if self.misfit >= _MISFIT:
+                self._find_odd_view()
+
+    def _find_odd_view(self) -> None:
+        """Look for a single view that is to blame, and whether it turns as the rig does."""
+        for view, name in enumerate(self._optics.names):
+            both = [(c, c.without(view, self._optics)) for c in self._comparisons if view in c.motions]
+            known = [(_turn(whole.motions[view]), rest) for whole, rest in both if rest is not None]
+            if 2 * len(known) > _COMPARISONS and _misfit([rest for _, rest in known]) < _FIT:
+                off = [abs(turn - _turn(rest.T_a_b)) for turn, rest in known]
+                self.odd_view, self.moves_by_itself = name, float(np.median(off)) > _OWN_TURN
 
 
-def _epipolar_errors(pairs: Pairs, optics: Optics) -> tuple[Array, Array] | None:
-    """Errors in pixels of pairs that fit their own view's motion: with that motion, and with the rig's."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Comparison:
+    """Two frames: the pairs that fit the motion of their own view, and how well one motion of all does.
+
+    Attributes
+    ----------
+    pairs : Pairs
+    motions : dict of int to (4, 4) array
+        Of the pinhole of each view that counts.
+    T_a_b : (4, 4) array
+        Of the rig, as it suits all of them.
+    alone, joint : (N,) arrays
+        Errors in pixels with the one and the other.
+    """
+
+    pairs: Pairs
+    motions: dict[int, Array]
+    T_a_b: Array
+    alone: Array
+    joint: Array
+
+    @classmethod
+    def of(cls, pairs: Pairs, motions: dict[int, Array], alone: Array, optics: Optics) -> Self | None:
+        """Compare them; None where fewer than two views have pairs."""
+        counts = np.bincount(pairs.views, minlength=optics.n_views)
+        if np.count_nonzero(counts) < 2:
+            return None
+        # A start from one view may end in a local minimum, which must not count against the rig.
+        starts = np.argsort(counts, kind="stable")[::-1][:_STARTS].tolist()
+        tried = [joint_motion(pairs, {v: motions[v]}, optics) for v in starts if v in motions]
+        errors = [(T, np.abs(pairs.epipolar_errors(T, optics))) for T in tried if T is not None]
+        nothing = (np.eye(4), np.full(len(pairs), np.inf))
+        T_a_b, joint = min(errors, key=lambda e: float(np.median(e[1])), default=nothing)
+        return cls(pairs, motions, T_a_b, alone, joint)
+
+    def without(self, view: int, optics: Optics) -> Comparison | None:
+        """The same frames without one view; None where fewer than two others have pairs."""
+        others = {v: T for v, T in self.motions.items() if v != view}
+        rows = self.pairs.views != view
+        return Comparison.of(self.pairs.without(np.array([view])), others, self.alone[rows], optics)
+
+
+def compared(pairs: Pairs, optics: Optics) -> Comparison | None:
+    """Compare two frames by those matches that fit their own view's motion; None if they are too few."""
     motions = view_motions(pairs, optics)
     alone = np.full(len(pairs), np.inf)
     for view, T in motions.items():
@@ -116,16 +194,18 @@ def _epipolar_errors(pairs: Pairs, optics: Optics) -> tuple[Array, Array] | None
         if fits.sum() >= _MIN_VIEW_PAIRS and fits.mean() > _MIN_SHARE:
             alone[own] = errors
     fits = alone < _GATE
-    if fits.sum() < _MIN_PAIRS or len(np.unique(pairs.views[fits])) < 2:
+    if fits.sum() < _MIN_PAIRS:
         return None
     # Wrong matches must not count against the rig.
     good = Pairs(pairs.views[fits], pairs.plane_a[fits], pairs.plane_b[fits])
-    # A start from one view may end in a local minimum, which must not count against the rig either.
-    fullest = np.argsort(np.bincount(pairs.views[fits]), kind="stable")[::-1][:_STARTS].tolist()
-    errors = [_joint_errors(good, {view: motions[view]}, optics) for view in fullest if view in motions]
-    return alone[fits], min(errors, key=lambda e: float(np.median(e)))
+    counted = {v: T for v, T in motions.items() if np.any(good.views == v)}
+    return Comparison.of(good, counted, alone[fits], optics)
 
 
-def _joint_errors(pairs: Pairs, proposal: dict[int, Array], optics: Optics) -> Array:
-    T_a_b = joint_motion(pairs, proposal, optics)
-    return np.full(len(pairs), np.inf) if T_a_b is None else np.abs(pairs.epipolar_errors(T_a_b, optics))
+def _misfit(comparisons: list[Comparison]) -> float:
+    return float(np.median([np.median(c.joint) / np.median(c.alone) for c in comparisons]))
+
+
+def _turn(T: Array) -> float:
+    """Angle in radians; it is the same for a view and for the rig, however the view stands in the rig."""
+    return float(np.linalg.norm(se3.log(T)[:3]))
