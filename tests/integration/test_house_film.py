@@ -46,3 +46,19 @@ def test_odometry_that_tells_nonsense_is_not_used(
     # By sight alone: 0.04 cm, and a scale within 0.4 %, at one standard deviation of 0.4 %.
     assert summary["errors"]["ate_scaled"]["rmse"] < 0.001
     assert abs(summary["errors"]["scale_error"]) < 0.013
+
+
+@pytest.mark.parametrize("metre", [0.5, 1.3])
+def test_wheels_with_a_metre_of_their_own_do_not_stretch_the_map(
+    facetcam: Facetcam, shared_data: Path, tmp_path: Path, metre: float
+) -> None:
+    """All their steps are wrong alike: as so many witnesses they had moved the scale by eight sigmas."""
+    house, out, wheels = shared_data / "house", tmp_path / "run", tmp_path / "wheels.csv"
+    rows = np.loadtxt(house / "loop_odometry.csv", delimiter=",", skiprows=1) * [1.0, metre, metre, 1.0]
+    np.savetxt(wheels, rows, "%.6f", ",", header="timestamp,x,y,yaw", comments="")
+    rig, truth = house / "rig_true.yaml", house / "loop.tum"
+    arguments = ["--odometry", wheels, "--truth", truth, "--max-frames", 150, "--out", out]
+    assert facetcam("slam", house / "loop.mp4", "--rig", rig, *arguments).exit_code == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["metric"]
+    assert abs(summary["errors"]["scale_error"]) < 3.0 * summary["scale_sigma"]

@@ -32,6 +32,7 @@ class Stub:
 
     indexed = 0
     handovers: Stub
+    wheels: Stub
 
     def __init__(self, **answers: Any) -> None:
         for name, answer in answers.items():
@@ -92,7 +93,7 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     mapper = Stub(insert=map.keyframes[-1])
     mapper.handovers = Stub(take_up=None, evidence=Evidence.none())
     adjuster = Stub(adjust_coarsely=None, adjust_all=None, judge=0.001)
-    adjuster.nuisances = np.zeros(3)
+    adjuster.nuisances, adjuster.wheels = np.zeros(3), Stub(compare=None)
     grower = Grower(map, Stub(add=None), mapper, adjuster, closer, SlamConfig())  # type: ignore[arg-type]
     grower.scale_sigma = 0.001
     grower.grow(None, closer._verified(None, None), None, Trajectory())  # type: ignore[arg-type]

@@ -10,10 +10,10 @@ from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
-from facetcam.slam.odometry import believable, planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import map_uncertainty
 from facetcam.slam.shutter import sweep
+from facetcam.slam.wheel_steps import WheelSteps
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -38,9 +38,15 @@ class Adjuster:
     map : Map
     optics : Optics
     config : SlamConfig
+
+    Attributes
+    ----------
+    wheels : WheelSteps
+        What odometry adds to the images.
     """
 
     def __init__(self, map: Map, optics: Optics, config: SlamConfig) -> None:
+        self.wheels = WheelSteps(config.odometry_sigma)
         self._map = map
         self._optics = optics
         self._config = config
@@ -112,7 +118,7 @@ class Adjuster:
         if not len(ids):
             return None
         bundle = self._bundle(self._map.keyframes, 1, ids, swept)[0]
-        bundle.bridges = [m for m in self._steps(self._map.keyframes, 1) if self._lost_between(m.i, m.j)]
+        bundle.bridges = [m for m in self.wheels.between(self._map.keyframes) if self._lost_between(m.i, m.j)]
         return bundle
 
     def _lost_between(self, i: int, j: int) -> bool:
@@ -187,27 +193,7 @@ class Adjuster:
     def _motions(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
         """Odometry between neighbours in time, and a loose hold on a scale that nothing else may hold."""
         hold = [_hold_scale(keyframes)] if n_fixed == 1 and len(keyframes) > 1 else []
-        return hold + self._steps(keyframes, n_fixed)
-
-    def _steps(self, keyframes: list[Keyframe], n_fixed: int) -> list[RelativePose]:
-        """Odometry between neighbours in time."""
-        motions = []
-        believed = self._believed_steps(keyframes)
-        for j in range(max(1, n_fixed), len(keyframes)):
-            a, b = keyframes[j - 1], keyframes[j]
-            if believed[j - 1] and a.odometry is not None and b.odometry is not None:
-                T_a_b, covariance = planar_motion(a.odometry, b.odometry, self._config.odometry_sigma)
-                motions.append(RelativePose(j - 1, j, T_a_b, covariance))
-        return motions
-
-    def _believed_steps(self, keyframes: list[Keyframe]) -> NDArray[np.bool_]:
-        """Steps (K - 1,) between neighbours in time over which the wheels can be believed."""
-        nothing = np.full(3, np.nan)
-        odometry = np.array([nothing if k.odometry is None else k.odometry for k in keyframes])
-        poses = np.array([k.T_world_rig for k in keyframes])
-        neighbours = np.all(np.diff([(k.index, k.session) for k in keyframes], axis=0) == (1, 0), axis=1)
-        believed = believable(odometry, poses, self._config.odometry_sigma)
-        return np.asarray(neighbours & believed)
+        return hold + self.wheels.between(keyframes, max(1, n_fixed))
 
     def _cull(self, keyframes: list[Keyframe], ids: Index) -> None:
         """Drop observations that do not fit, then points seen from one place only or rarely found."""

@@ -93,6 +93,7 @@ class Grower:
             self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
         for _ in range(_LAST_ROUNDS if last else 1):
             before = self._adjuster.nuisances
+            self._adjuster.wheels.compare(self._map.keyframes, self.scale_sigma)
             self._adjuster.adjust_all(last)
             self.judge()
             if np.all(np.abs(self._adjuster.nuisances - before) < _SETTLED):
@@ -113,6 +114,7 @@ class Grower:
         """Forget the map."""
         self._map.clear()
         self._adjuster.believe(np.zeros(3))
+        self._adjuster.wheels.metre = 1.0
         self._places.clear()
         self._mapper.denied = False
         self.scale_sigma = self._tested = np.inf

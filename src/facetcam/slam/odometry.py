@@ -24,6 +24,7 @@ _SLIP = 0.5  # share of a way by which wheels and images may differ
 _TURN_SIGMAS = 4.0
 _TURNING = 0.05  # radians between two frames
 _BORNE_OUT = 0.5  # share of the steps that must agree, else none is believed
+_FEW_STEPS = 5
 _MOST_OFF = 10.0  # factor between the wheels' metre and the map's
 
 
@@ -105,6 +106,17 @@ def believable(odometry: Array, T_world_rig: Array, sigma: float) -> NDArray[np.
     borne_out = not telling.any() or float(agrees[telling].mean()) >= _BORNE_OUT
     one_metre = 1.0 / _MOST_OFF < usual < _MOST_OFF
     return np.asarray(agrees & (borne_out and one_metre))
+
+
+def usual_stretch(odometry: Array, T_world_rig: Array, believed: NDArray[np.bool_]) -> float:
+    """Median length of the believed steps over that which the images have measured; 1 for a few steps.
+
+    `odometry` and `T_world_rig` are those of `believable`, whose answer `believed` is.
+    """
+    length = np.linalg.norm(_ways(odometry), axis=1)
+    seen_length = np.linalg.norm((se3.inverse(T_world_rig[:-1]) @ T_world_rig[1:])[:, :2, 3], axis=1)
+    telling = believed & (np.minimum(length, seen_length) > _STANDING)
+    return float(np.median(length[telling] / seen_length[telling])) if telling.sum() >= _FEW_STEPS else 1.0
 
 
 def _ways(odometry: Array) -> Array:
