@@ -18,6 +18,7 @@ from fake_slam import FakeSlam
 from films import FakeCapture, moving, textured, write_film, write_folder
 
 import facetcam.pipelines.slam
+import facetcam.pipelines.slam_results as facetcam_results
 from facetcam.errors import OutputError
 from facetcam.io.outputs import LineWriter
 from facetcam.io.trajectories import read_tum
@@ -65,6 +66,22 @@ def test_a_full_disk(
     assert "No space left on device" in line
     assert len((out / "states.csv").read_text().splitlines()) > 5
     assert "No space left" in json.loads((out / "summary.json").read_text())["interrupted"]
+
+
+def test_a_result_that_cannot_be_written_costs_no_other(
+    facetcam: Facetcam, film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object) -> None:
+        raise OutputError(f"{path}: cannot be written (No space left on device)")
+
+    monkeypatch.setattr(facetcam_results, "write_ply", full)
+    out = tmp_path / "out"
+    line = only_line(facetcam("slam", film, "--rig", rig, "--out", out))
+    assert "map.ply: cannot be written (No space left on device); the results so far are in" in line
+    assert "map.ply" in json.loads((out / "summary.json").read_text())["interrupted"]
+    assert "Interrupted" in (out / "report.html").read_text()
+    assert (out / "colmap" / "images.bin").exists()
+    assert len(read_tum(out / "trajectory.tum")[0]) == 20
 
 
 def test_a_failure_of_our_own(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -90,6 +90,26 @@ def require_absent(path: Path | str) -> None:
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
         reason = os.strerror(errno.EACCES if parent.is_dir() else errno.ENOTDIR)
         raise OutputError(f"{path}: cannot be written ({reason}: {parent})")
+
+
+@contextmanager
+def each_tried() -> Iterator[Callable[[Callable[[], object]], object]]:
+    """Hand out what calls a function and lets others be tried where it raises OutputError, told at the end.
+
+    What still fits on a full disk is worth having.
+    """
+    failures: list[OutputError] = []
+
+    def tried(write: Callable[[], object]) -> object:
+        try:
+            return write()
+        except OutputError as error:
+            failures.append(error)
+            return None
+
+    yield tried
+    if failures:
+        raise failures[0]
 
 
 @contextmanager

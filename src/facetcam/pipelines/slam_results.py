@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from facetcam.errors import FacetcamError
 from facetcam.evaluation import trajectory as evaluation
 from facetcam.io.colmap_model import write_colmap_model
-from facetcam.io.outputs import atomic_write
+from facetcam.io.outputs import atomic_write, each_tried
 from facetcam.io.ply import write_ply
 from facetcam.io.trajectories import write_tum
 from facetcam.pipelines.inputs import SlamInputs
@@ -47,22 +47,24 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     Raises
     ------
     OutputError
-        If one of them cannot be written; those before it, and the live states, stay.
+        If one of them cannot be written; all others, and the live states, stay.
     """
     seconds = record.seconds
-    path = slam.trajectory()
-    write_tum(record.folder / "trajectory.tum", *path)
-    cloud = slam.cloud()
-    write_ply(record.folder / "map.ply", *cloud)
-    write_colmap_model(record.folder / "colmap", slam.rig_as_seen, slam.rig_frames(), *cloud)
-    if slam.rig_refinement is not None:
-        slam.rig.save(record.folder / REFINED_RIG)
+    path, cloud = slam.trajectory(), slam.cloud()
     keeper = MapKeeper(slam, inputs.maps, record.folder)
-    saved = keeper.path if keeper.save() else None
-    summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)
-    atomic_write(record.folder / "summary.json", summary.to_json())
-    report = make_report(record, slam, inputs, path, summary)
-    write_slam_report(report, summary.report)
+    with each_tried() as tried:
+        tried(lambda: write_tum(record.folder / "trajectory.tum", *path))
+        tried(lambda: write_ply(record.folder / "map.ply", *cloud))
+        tried(
+            lambda: write_colmap_model(record.folder / "colmap", slam.rig_as_seen, slam.rig_frames(), *cloud)
+        )
+        if slam.rig_refinement is not None:
+            tried(lambda: slam.rig.save(record.folder / REFINED_RIG))
+        saved = keeper.path if tried(keeper.save) else None
+        summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)
+        tried(lambda: atomic_write(record.folder / "summary.json", summary.to_json()))
+        report = make_report(record, slam, inputs, path, summary)
+        tried(lambda: write_slam_report(report, summary.report))
     return SlamResults(summary, report)
 
 
