@@ -33,7 +33,7 @@ FRAMES = 40
 class Page(HTMLParser):
     """Text, tags and outside addresses of a page; unclosed or crossed tags are noted."""
 
-    VOID = frozenset({"meta", "img", "br", "link", "path", "use", "rect", "image", "circle"})
+    VOID = frozenset({"meta", "img", "br", "wbr", "link", "path", "use", "rect", "image", "circle"})
 
     def __init__(self, html: str) -> None:
         super().__init__()
@@ -92,7 +92,7 @@ def report() -> SlamReport:
             ate_scaled=0.012,
             with_scale=False,
         ),
-        facts={"speed": "12 frames/s"},
+        facts={"speed": "12 frames/s", "source": "/films/<2nd>/hall.mp4"},
     )
 
 
@@ -119,6 +119,7 @@ def test_slam_page_is_whole_and_needs_no_other_file(report: SlamReport, tmp_path
     assert "root mean square 3.00 cm" in page.text  # a constant offset of 3 cm
     assert page.images == 1
     html = (tmp_path / "report.html").read_text()
+    assert "/<wbr>films/<wbr>&lt;2nd&gt;/<wbr>hall.mp4" in html  # a long path is broken where it reads well
     assert html.count("<svg") == 4 and "prefers-color-scheme: dark" in html
     assert not re.search("#0[147]0[258]0[369]", html)  # every mark became a colour of the page
 
