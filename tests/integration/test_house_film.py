@@ -1,13 +1,21 @@
-"""The films of a rendered house: what the rig's file does to them."""
+"""The films of a rendered house: with a wrong rig, wrong wheels, and a rig that is carried about."""
 
 from __future__ import annotations
 
 import json
+from itertools import islice
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from command import Facetcam, only_line
+
+from facetcam.evaluation.trajectory import align
+from facetcam.io.sources import open_source
+from facetcam.io.trajectories import read_tum
+from facetcam.rig import Rig
+from facetcam.slam import Slam, Status
 
 pytestmark = pytest.mark.slow
 
@@ -62,3 +70,22 @@ def test_wheels_with_a_metre_of_their_own_do_not_stretch_the_map(
     summary = json.loads((out / "summary.json").read_text())
     assert summary["metric"]
     assert abs(summary["errors"]["scale_error"]) < 3.0 * summary["scale_sigma"]
+
+
+def test_a_rig_that_is_carried_elsewhere_is_found_again_within_a_second(shared_data: Path) -> None:
+    """Picked up in full light, put down where it was before: the next frame may be lost, but never wrong."""
+    house = shared_data / "house"
+    slam, (_, true) = Slam(Rig.load(house / "rig_true.yaml")), read_tum(house / "loop.tum")
+    with open_source(house / "loop.mp4") as source:
+        images = [cv2.cvtColor(f.image, cv2.COLOR_BGR2GRAY) for f in islice(source, 150)]
+    way = [*range(150), *range(60, 80), *range(20, 40)]
+    states = [slam.track(images[k], i / 10.0) for i, k in enumerate(way)]
+    found = [i for i, s in enumerate(states) if s.status is Status.TRACKING]
+    poses = np.array([states[i].T_world_rig for i in found])[:, :3, 3]
+    there = true[[way[i] for i in found], :3, 3]
+    before = np.array(found) < 150
+    off = align(poses[before], there[before], with_scale=False).apply(poses) - there
+    assert np.linalg.norm(off[~before], axis=1).max() < 0.1
+    for put_down in (150, 170):
+        assert min(i for i in found if i >= put_down) - put_down < 10
+    assert len(found) >= len(way) - 15  # of these ten at the start
