@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Frame
+from facetcam.slam.fusion import fused
 from facetcam.slam.keyframes import is_due, nearest_keyframe
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.motion import Motion
@@ -42,22 +45,27 @@ class Localiser:
         """Believe only what is clear, or found again: the rig was lost, or never seen in this map yet."""
         self._trust.lose()
 
-    def find(self, frame: Frame, odometry: Array | None, wheels_proven: bool, grows: bool) -> Fix | None:
+    def find(self, frame: Frame, odometry: Array | None, by_wheels: bool, grows: bool) -> Fix | None:
         """A pose of a frame that can be believed, if there is one.
 
-        `wheels_proven` tells that odometry foretells it best, `grows` that a keyframe may be made of it.
+        `by_wheels` tells that odometry foretells it best, `grows` that a keyframe may be made of it.
         """
         predictions, velocity = self._motion.predictions(frame.timestamp, odometry), self._motion.velocity
-        likeliest = predictions if wheels_proven else predictions[::-1]
+        likeliest = predictions if by_wheels else predictions[::-1]
         fix = self._tracker.find(frame, *likeliest, velocity=velocity)
         if fix is None:
             return None
         jumps = self._motion.jumps(frame.timestamp, fix.T_world_rig, predictions)
         if not self._trust.believes(fix, self._motion.reckoned(odometry), jumps):
             return None
+        fix = self._by_wheels_too(fix, odometry)
         if fix.sure or not grows or not is_due(fix, *self._nearest(fix), self._config):
             return fix
         return self._second_look(frame, fix, velocity)
+
+    def _by_wheels_too(self, fix: Fix, odometry: Array | None) -> Fix:
+        told = self._motion.told(odometry, self._config.odometry_sigma)
+        return fix if told is None else replace(fix, pose=fused(fix.pose, *told))
 
     def _second_look(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
         """An unsure pose of a keyframe to be, as the corners of the last one leave it, or put it right."""

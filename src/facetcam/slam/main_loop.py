@@ -10,6 +10,7 @@ from facetcam.slam.frame import Frame
 from facetcam.slam.localising import Localiser
 from facetcam.slam.motion import Motion
 from facetcam.slam.odometry import planar_pose
+from facetcam.slam.odometry_check import OdometryCheck
 from facetcam.slam.parts import Parts
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.stopwatch import Stopwatch
@@ -61,28 +62,28 @@ class MainLoop:
         self._continued, self.localise_only = True, localise_only
         self._localiser.doubt()
 
-    def take(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
-        """One frame with its odometry, which `wheels_proven` says to foretell the rig best."""
+    def take(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
+        """One frame with its odometry, and what the film has said of it."""
         if self._parts.mapper.denied and self._young:
             self._forget()
         if self._map.keyframes:
-            state = self._follow(frame, wheels, wheels_proven)
+            state = self._follow(frame, wheels, check)
         else:
             state = self._start(frame, wheels)
         self._motion.odometry = wheels
         return state
 
-    def _follow(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
+    def _follow(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
         """Predict, measure the map in every view, solve the pose, and grow the map where it is due."""
         grows = not self.localise_only and not self._mapping.busy
         with self._map.lock:
             with self._timed("track"):
-                fix = self._localiser.find(frame, wheels, wheels_proven, grows)
+                fix = self._localiser.find(frame, wheels, check.foretells, grows)
             if fix is not None and self._motion.lost_frames:
                 self._parts.resumer.forget()
             due = fix is not None and self._localiser.accept(frame, fix, wheels)
         if fix is None:
-            return self._miss(frame, wheels, wheels_proven)
+            return self._miss(frame, wheels, check)
         keyframe = due and grows
         if keyframe:
             self._mapping.run(lambda: self._grow(frame, fix, wheels))
@@ -92,9 +93,9 @@ class MainLoop:
         with self._timed("map"):
             self._parts.grower.grow(frame, fix, wheels, self._motion.trajectory)
 
-    def _miss(self, frame: Frame, wheels: Array | None, wheels_proven: bool) -> State:
+    def _miss(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
-        self._motion.lose(wheels, wheels_proven)
+        self._motion.lose(wheels, check.agrees)
         self._localiser.doubt()
         if self._gives_up(frame):
             self.given_up += [] if self._young else [frame.timestamp]
@@ -105,17 +106,17 @@ class MainLoop:
             T = self._motion.roll(frame.timestamp, wheels, self._config.odometry_sigma, last)
         if T is None:
             return State(frame.timestamp, Status.LOST, map_points=self._n_points)
-        if self._resumes(frame, wheels, T):
+        if self._resumes(frame, wheels, check.agrees, T):
             return self._begun(frame, self._motion.trajectory.last(), self._motion.covariance)
         covariance = self._motion.covariance
         return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
 
-    def _resumes(self, frame: Frame, wheels: Array | None, T_world_rig: Array) -> bool:
+    def _resumes(self, frame: Frame, wheels: Array | None, proven: bool, T_world_rig: Array) -> bool:
         """Go on with the map from where the wheels have carried the rig, once two frames show enough."""
         if self.localise_only or wheels is None:
             return False
         with self._timed("start"):
-            start = self._parts.resumer.offer(frame, wheels)
+            start = self._parts.resumer.offer(frame, wheels, proven)
         if start is None:
             return False
         self._mapping.wait()

@@ -96,6 +96,13 @@ class Motion:
         wheels = se3.log(planar_motion(self.odometry, odometry, 0.0)[0])
         return [last @ se3.exp(np.where(_PLANAR, wheels, twist)), inertial]
 
+    def told(self, odometry: Array | None, sigma: float) -> tuple[Array, Array] | None:
+        """The pose (4, 4) to which the wheels have carried a rig in sight, with its covariance (6, 6)."""
+        if not self.placed or self.lost_frames or odometry is None or self.odometry is None:
+            return None
+        T_step, covariance = planar_motion(self.odometry, odometry, sigma)
+        return self.trajectory.last() @ T_step, covariance
+
     def jumps(self, timestamp: float, T_world_rig: Array, predictions: list[Array]) -> bool:
         """Tell whether a pose is farther from each prediction than a rig can get since the last pose."""
         if not predictions or self.lost_frames:

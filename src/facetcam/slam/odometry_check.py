@@ -30,6 +30,7 @@ _UNPROVEN = 20.0  # factor by which a map whose scale is a guess may differ
 _STEP = 1e-3  # metres; what seems shorter is noise
 _SAME_WAY = 0.5  # cosine
 _RECENT = 20  # steps
+_FEW = 5  # that prove nothing
 _LIKE_LENGTH, _LIKE_WAY = 0.7, 0.9  # ratio, cosine of steps that wheels and images agree on
 _UNLIKE_TURN = 2.0  # radians after which courses that differ belong to different drives
 
@@ -87,8 +88,15 @@ class OdometryCheck:
     @property
     def agrees(self) -> bool:
         """True while wheels and images went the same way lately: such wheels can be asked in the dark."""
-        if self.complaint or len(self._lengths) < _RECENT:
+        return len(self._lengths) >= _RECENT and self.foretells
+
+    @property
+    def foretells(self) -> bool:
+        """True until wheels and images go different ways: such wheels foretell the next pose best."""
+        if self.complaint:
             return False
+        if len(self._lengths) < _FEW:
+            return True
         length, cosine = (float(np.median(x[-_RECENT:])) for x in (self._lengths, self._directions))
         return _LIKE_LENGTH < length < 1.0 / _LIKE_LENGTH and cosine > _LIKE_WAY
 

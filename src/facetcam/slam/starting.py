@@ -26,6 +26,7 @@ from facetcam.slam.two_frames import (
     MIN_MATCHES,
     STANDING,
     START_GATE,
+    Measured,
     confirmed_motion,
     enough_parallax,
     estimate_motion,
@@ -92,9 +93,14 @@ class Starter:
         self._tracker = tracker
         self._waiting: list[Waiting] = []
         self._passed: list[Waiting] = []  # left behind, to be solved backwards from the map
+        self._wheels_proven = False
 
-    def offer(self, frame: Frame, odometry: Array | None) -> Start | None:
-        """Take one more frame; returns the start once there is one."""
+    def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool = False) -> Start | None:
+        """Take one more frame; returns the start once there is one.
+
+        Where wheels are proven, it goes their way or none.
+        """
+        self._wheels_proven = wheels_proven
         earlier = [self._corners(w.frame) for w in self._waiting[:-3:-1]]
         links = Links.of(self._corners(frame), earlier, self._config)
         self._waiting.append(Waiting(frame, odometry, links))
@@ -139,8 +145,9 @@ class Starter:
         """Motions with which a map may start: that of the wheels, then that of the images alone."""
         first, new = waiting[0], waiting[-1]
         if first.odometry is not None and new.odometry is not None:
-            wheels = planar_motion(first.odometry, new.odometry, 0.0)[0]
-            T = confirmed_motion(pairs, wheels, self._optics)
+            wheels, covariance = planar_motion(first.odometry, new.odometry, self._config.odometry_sigma)
+            measured = Measured(wheels, np.sqrt(np.diag(covariance)[:3]))
+            T = confirmed_motion(pairs, measured, self._optics)
             a, b = self._corners(first.frame), self._corners(new.frame)
             if T is not None:
                 aside = views_aside(pairs, T, self._optics)
@@ -149,6 +156,8 @@ class Starter:
                     yield T
                 elif np.linalg.norm(T[:3, 3]) > STANDING:
                     return  # both say the same, and too little yet
+            if self._wheels_proven:
+                return
         seen = estimate_motion(pairs, self._optics, len(np.setdiff1d(showing, standing_views(pairs))) > 1)
         if seen is not None:
             yield seen

@@ -122,7 +122,7 @@ class Slam:
                 return State(timestamp, Status.DROPPED, metric=self.metric, scale_sigma=self.scale_sigma)
             if not self._checking.busy:
                 self._checking.run(lambda: self._check_rig(frame))
-            state = self._loop.take(frame, wheels, self.odometry_check.agrees)
+            state = self._loop.take(frame, wheels, self.odometry_check)
             self._wheels.compare(state, wheels, map_grows=not self._loop.localise_only)
             return state
 

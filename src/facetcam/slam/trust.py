@@ -22,6 +22,7 @@ _SAME_METRES = 0.3
 _SAME_RADIANS = 0.3
 _WHEELS = 0.1  # relative error of way and turn beyond which wheels contradict a pose
 _WHEELS_FLOOR = (0.05, 0.05)  # metres, radians
+_SLIP = 0.5  # relative error beyond which no slip explains a pose: only a rig that was carried
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +38,10 @@ class Reckoning:
         turn, way = np.linalg.norm(se3.log(T_step).reshape(2, 3), axis=1)
         return Reckoning(self.T_world_rig @ T_step, self.way + float(way), self.turn + float(turn))
 
-    def agrees(self, T_world_rig: Array) -> bool:
-        """Tell whether a pose is as near as good wheels would be."""
+    def agrees(self, T_world_rig: Array, share: float = _WHEELS) -> bool:
+        """Tell whether a pose is as near as wheels of that relative error would be."""
         turn, way = np.linalg.norm(se3.log(se3.inverse(self.T_world_rig) @ T_world_rig).reshape(2, 3), axis=1)
-        near = way < _WHEELS_FLOOR[0] + _WHEELS * self.way and turn < _WHEELS_FLOOR[1] + _WHEELS * self.turn
-        return bool(near)
+        return bool(way < _WHEELS_FLOOR[0] + share * self.way and turn < _WHEELS_FLOOR[1] + share * self.turn)
 
 
 @dataclass(slots=True)
@@ -50,7 +50,8 @@ class Trust:
 
     A pattern that repeats on one wall fools one view, hardly two at once. Each view counts by itself, since a
     wall that hides what the map expects in one says nothing of the others. Wheels bear witness too: a sharp
-    pose where they say needs one view less, and one elsewhere must be found again and again.
+    pose where they say needs one view less, one elsewhere must be found again and again, and in two views
+    where no slip explains it.
     """
 
     n_views: int
@@ -77,7 +78,8 @@ class Trust:
         self._hope = fix.T_world_rig
         if wheels is None or agreed:
             return confirmed or self._times >= _AGAIN
-        return self._times >= _AGAINST_WHEELS
+        borne_out = confirmed or wheels.agrees(fix.T_world_rig, _SLIP)
+        return borne_out and self._times >= _AGAINST_WHEELS
 
     def _witnesses(self, fix: Fix) -> int:
         """Count the views that confirm a pose; the one of a rig with one view does for two."""

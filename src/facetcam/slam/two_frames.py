@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
@@ -37,6 +40,9 @@ _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured 
 _MOST_ASIDE = 0.3  # radians by which they may correct its direction
 _MOST_STRETCHED = 2.0  # factor of its length
 _MOST_COLLAPSED = 4.0  # factor of a proposed length: lengths proposed span as much
+_MEASURED_SHARE = (
+    0.1  # of the pairs, for which a measured turn counts: what bends one pair bends others alike
+)
 
 
 def enough_parallax(
@@ -114,29 +120,50 @@ def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
     return bool(np.mean(pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX) >= _CLEAR_SHARE)
 
 
-def _agreed(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
+def _agreed(
+    pairs: Pairs, T_a_b: Array, optics: Optics, measured: Measured | None = None
+) -> tuple[Pairs, Array]:
     """Motion polished by the views that agree with it, and their pairs; all pairs without a majority."""
     agreeing, best = pairs, T_a_b
     for _ in range(_AGREEING_ROUNDS):
         against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
         agreeing = pairs if against is None else pairs.without(against)
-        best = polished(best, agreeing, optics)
+        best = polished(best, agreeing, optics, measured)
     return agreeing, best
 
 
-def confirmed_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A motion that wheels have measured, and how sure its turn is: standard deviations (3,) in radians."""
+
+    T_a_b: Array
+    turn_sigmas: Array
+
+    def turned(self, T_a_b: Array) -> Array:
+        """Turns (..., 3) by which motions differ from it, in standard deviations."""
+        turns = self.T_a_b[:3, :3].T @ T_a_b[..., :3, :3]
+        return np.asarray(Rotation.from_matrix(turns).as_rotvec() / self.turn_sigmas)
+
+    def misfit(self, T_a_b: Array) -> Array:
+        """Its part in a mean of distances in pixels, cut off alike."""
+        off = np.minimum(_EPIPOLAR_SIGMA * np.linalg.norm(self.turned(T_a_b), axis=-1), EPIPOLAR_GATE)
+        return np.asarray(_MEASURED_SHARE * off)
+
+
+def confirmed_motion(pairs: Pairs, measured: Measured, optics: Optics) -> Array | None:
     """Motion that was measured otherwise, turned as the images say; None where they say something else.
 
-    Wheels may slip and their clock be off: only the length is theirs. Few pairs can neither confirm nor deny.
+    Wheels may slip and their clock be off: the length is theirs, and the turn as far as the images cannot
+    tell it. A wall that one view sees moves alike whether the rig goes along it or turns.
     """
-    pairs = pairs.without(standing_views(pairs))
+    T_a_b, pairs = measured.T_a_b, pairs.without(standing_views(pairs))
     if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
         return T_a_b
-    turned = np.stack([polished(T, pairs, optics) for T in _turned_otherwise(pairs, T_a_b, optics)])
-    best = turned[int(np.argmin(pairs.misfit(turned, optics)))]
+    turned = np.stack([polished(T, pairs, optics, measured) for T in _turned_otherwise(pairs, T_a_b, optics)])
+    best = turned[int(np.argmin(pairs.misfit(turned, optics) + measured.misfit(turned)))]
     against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
     if against is None or len(against) or not _much_alike(best, T_a_b):
-        pairs, best = _suiting_most(pairs, T_a_b, optics)
+        pairs, best = _suiting_most(pairs, measured, optics)
     fits = pairs.fit(best, optics)
     by_view = shares(pairs.views, fits)[1]
     confirmed = fits.mean() > _CONFIRMING and 2 * np.sum(by_view < _AGREEING) <= len(by_view)
@@ -153,16 +180,17 @@ def _turned_otherwise(pairs: Pairs, T_a_b: Array, optics: Optics) -> list[Array]
     return proposals
 
 
-def _suiting_most(pairs: Pairs, T_a_b: Array, optics: Optics) -> tuple[Pairs, Array]:
+def _suiting_most(pairs: Pairs, measured: Measured, optics: Optics) -> tuple[Pairs, Array]:
     """Where views contradict each other: what one of them makes of a motion and most of them bear out."""
+    T_a_b = measured.T_a_b
     proposals = [T_a_b]
     for view in shares(pairs.views, pairs.move())[0]:
         own = pairs.without(np.setdiff1d(pairs.views, view))
-        proposals += [polished(T, own, optics) for T in _turned_otherwise(own, T_a_b, optics)]
+        proposals += [polished(T, own, optics, measured) for T in _turned_otherwise(own, T_a_b, optics)]
     alike = np.stack([T for T in proposals if _much_alike(T, T_a_b)])
     share = shares(pairs.views, pairs.fit(alike, optics))[1].sum(axis=-1)
     share -= np.array([_turned(T, T_a_b) for T in alike]) / _MOST_TURNED  # what measured it is a witness, too
-    return _agreed(pairs, alike[int(np.argmax(share))], optics)
+    return _agreed(pairs, alike[int(np.argmax(share))], optics, measured)
 
 
 def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
@@ -190,14 +218,20 @@ def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> A
     return None if best is None else polished(best, pairs, optics)
 
 
-def polished(T_a_b: Array, pairs: Pairs, optics: Optics) -> Array:
-    """The motion with the least epipolar errors of all views; they move its length as far as they know it."""
+def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | None = None) -> Array:
+    """The motion with the least epipolar errors of all views; they move its length as far as they know it.
+
+    A turn that was `measured` counts for a share of the pairs.
+    """
     length = float(np.linalg.norm(T_a_b[:3, 3]))
+    times = 0 if measured is None else max(round(_MEASURED_SHARE * len(pairs)), 1)
 
     def residuals(twists: Array) -> Array:
         T = T_a_b @ se3.exp(twists)
         stretch = np.log(np.maximum(np.linalg.norm(T[..., :3, 3], axis=-1), 1e-9) / length)
-        return np.concatenate([pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch[..., None]], axis=-1)
+        told = [pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch[..., None]]
+        told += [] if measured is None else times * [_EPIPOLAR_SIGMA * measured.turned(T)]
+        return np.concatenate(told, axis=-1)
 
     def jacobian(twist: Array) -> Array:
         moved = residuals(twist + _TWIST_STEP * np.concatenate([np.eye(6), -np.eye(6)]))

@@ -10,9 +10,7 @@ from facetcam.slam.map import Keyframe
 
 Array = NDArray[np.float64]
 
-_TOGETHER = (
-    6.0  # errors of points that share a keyframe, a lens and a rig go together; variances grow by this
-)
+TOGETHER = 6.0  # errors of points that share a keyframe, a lens and a rig go together; variances grow by this
 _ASIDE = 0.1  # a way of unsure length is unsure to the sides too, by this share
 _WHEELS = 0.3  # relative error of a way that only wheels have measured
 _UNKNOWN = 1.0  # and of one that nothing has
@@ -38,10 +36,10 @@ def pose_covariance(
     """
     base = next((k for k in keyframes if k.covariance is not None), keyframes[-1])
     T_rig_base = se3.inverse(T_world_rig) @ base.T_world_rig
-    total = _TOGETHER * measured
+    total = TOGETHER * measured
     if base.covariance is not None:
         moved = se3.adjoint(T_rig_base)
-        total += _TOGETHER * moved @ base.covariance @ moved.T
+        total += TOGETHER * moved @ base.covariance @ moved.T
     # Where the scale is unknown, the covariances of keyframes leave it out.
     since = base if np.isfinite(scale_sigma) else keyframes[-1]
     way = (se3.inverse(T_world_rig) @ since.T_world_rig)[:3, 3]
