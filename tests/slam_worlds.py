@@ -12,6 +12,7 @@ from facetcam.rig import Camera, Rig, presets
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
+from facetcam.slam.two_frames import Measured
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,11 @@ def fisheye() -> Rig:
 def single() -> Rig:
     """One ordinary camera without mirrors, 640x480."""
     return Rig(Camera("brown-conrady", 640, 480, 420.0, 420.0, 319.5, 239.5, (0.0,) * 5), UPRIGHT)
+
+
+def by_wheels(T_a_b: Array) -> Measured:
+    """A motion as wheels measure it: its yaw to a degree, of pitch and roll nothing."""
+    return Measured(T_a_b, np.array([0.1, 0.1, 0.02]))
 
 
 def walls(rng: np.random.Generator, count: int) -> Array:

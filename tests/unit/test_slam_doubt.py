@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, spoiled, true_pairs
+from slam_worlds import by_wheels, folded, spoiled, true_pairs
 
 from facetcam.geometry import se3
 from facetcam.slam.doubt import is_denied, refuting_motion, views_aside
@@ -103,7 +103,7 @@ def test_a_view_full_of_pairs_does_not_outvote_two_that_have_few(ryu: Optics) ->
     many = joined(*4 * [only(pairs, [0])], few)
     assert np.mean(many.fit(ANOTHER, ryu)) > 0.8
     wheels = ANOTHER @ se3.exp([0.0, 0.0, 0.01, 0.0, 0.0, 0.0])
-    assert confirmed_motion(many, wheels, ryu) is None
+    assert confirmed_motion(many, by_wheels(wheels), ryu) is None
 
 
 def test_one_view_starts_no_map_where_another_was_followed_just_now(ryu: Optics) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, spoiled, true_pairs
+from slam_worlds import by_wheels, folded, spoiled, true_pairs
 
 from facetcam.geometry import se3
 from facetcam.slam.odometry import believable, planar_motion, planar_pose
@@ -166,7 +166,7 @@ def test_images_correct_the_turn_of_the_wheels_and_keep_their_length() -> None:
     true, _ = planar_motion(np.zeros(3), np.array([0.3, 0.05, 0.1]), 0.3)
     pairs = spoiled(true_pairs(optics, true, rng, 800), optics, rng, 0.15, 0.3)
     wheels = true @ se3.exp([0, 0, 0.15, 0, 0, 0])
-    motion = confirmed_motion(pairs, wheels, optics)
+    motion = confirmed_motion(pairs, by_wheels(wheels), optics)
     assert motion is not None
     turn = se3.log(se3.inverse(true) @ motion)[:3]
     assert np.degrees(np.linalg.norm(turn)) < 0.2
@@ -180,11 +180,11 @@ def test_images_that_see_quite_another_motion_deny_the_wheels(wheels: tuple[floa
     true, _ = planar_motion(np.zeros(3), np.array([0.3, 0.05, 0.1]), 0.3)
     pairs = spoiled(true_pairs(optics, true, rng, 800), optics, rng, 0.15, 0.3)
     measured, _ = planar_motion(np.zeros(3), np.array(wheels), 0.3)
-    assert confirmed_motion(pairs, measured, optics) is None
+    assert confirmed_motion(pairs, by_wheels(measured), optics) is None
 
 
 def test_pairs_that_fit_no_motion_deny_the_wheels() -> None:
     optics, rng = Optics(folded(), 8.0), np.random.default_rng(9)
     true, _ = planar_motion(np.zeros(3), np.array([0.3, 0.05, 0.1]), 0.3)
     pairs = spoiled(true_pairs(optics, true, rng, 800), optics, rng, 1.0, 0.3)
-    assert confirmed_motion(pairs, true, optics) is None
+    assert confirmed_motion(pairs, by_wheels(true), optics) is None

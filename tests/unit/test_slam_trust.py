@@ -205,3 +205,13 @@ def test_a_pose_that_nothing_bears_out_is_none(
     seen: list[int], expected: list[int], residual: float, borne_out: bool
 ) -> None:
     assert fix(seen, expected, residual).borne_out is borne_out
+
+
+@pytest.mark.parametrize(("aside", "believed"), [(1.5, [False] * 5 + [True]), (6.0, [False] * 6)])
+def test_what_no_slip_explains_needs_a_second_view(aside: float, believed: list[bool]) -> None:
+    """Four metres by the wheels: they may have slipped by a third, but not have gone another way."""
+    trust, wheels = doubting(), Reckoning(np.eye(4), way=4.0, turn=0.5)
+    one_view, two_views = ([40, n, 0, 0] for n in (0, 30))
+    found = [trust.believes(fix(one_view, [60] * 4, SHARP, aside), wheels) for _ in range(6)]
+    assert found == believed
+    assert trust.believes(fix(two_views, [60] * 4, SHARP, aside), wheels)

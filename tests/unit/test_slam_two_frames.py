@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, in_sight, look, pyramid, single, spoiled, true_pairs
+from slam_worlds import by_wheels, folded, in_sight, look, pyramid, single, spoiled, true_pairs
 
 from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
@@ -143,14 +143,14 @@ def test_wheels_are_turned_as_the_images_say_however_the_floor_tilts_the_rig(ryu
     pairs = true_pairs(ryu, tilted, rng)
     rows = rng.permutation(len(pairs))[:120]
     few = Pairs(pairs.views[rows], pairs.plane_a[rows], pairs.plane_b[rows])
-    T = confirmed_motion(spoiled(few, ryu, rng, 0.2, 0.3), level, ryu)
+    T = confirmed_motion(spoiled(few, ryu, rng, 0.2, 0.3), by_wheels(level), ryu)
     assert_motion(T, tilted, degrees=0.4, direction=5.0)
 
 
 def test_wheels_and_images_that_go_different_ways_deny_each_other(ryu: Optics) -> None:
     rng = np.random.default_rng(35)
     pairs = spoiled(true_pairs(ryu, se3.exp([0.0, 0.0, 0.0, 0.3, 0.1, 0.0]), rng), ryu, rng, 0.1, 0.3)
-    assert confirmed_motion(pairs, se3.exp([0.0, 0.0, 0.0, 0.0, 0.3, 0.0]), ryu) is None
+    assert confirmed_motion(pairs, by_wheels(se3.exp([0.0, 0.0, 0.0, 0.0, 0.3, 0.0])), ryu) is None
 
 
 def test_two_views_that_stand_against_two_that_move_leave_the_images_undecided(ryu: Optics) -> None:
@@ -161,7 +161,7 @@ def test_two_views_that_stand_against_two_that_move_leave_the_images_undecided(r
     frozen = Pairs(pairs.views, pairs.plane_a, np.where(still, pairs.plane_a, pairs.plane_b))
     assert standing_views(frozen).tolist() == [0, 1]
     assert estimate_motion(frozen, ryu) is None
-    T = confirmed_motion(frozen, MOTION @ se3.exp([0.03, 0.0, 0.02, 0.0, 0.0, 0.0]), ryu)
+    T = confirmed_motion(frozen, by_wheels(MOTION @ se3.exp([0.03, 0.0, 0.02, 0.0, 0.0, 0.0])), ryu)
     assert_motion(T, MOTION, degrees=0.3, direction=6.0)
 
 
@@ -242,7 +242,7 @@ def test_a_view_that_stands_or_moves_otherwise_bends_no_motion(ryu: Optics, view
         assert (lying.views == view).sum() >= MIN_MATCHES
         assert views_aside(lying, MOTION, ryu).tolist() == [view]
         assert_motion(estimate_motion(lying, ryu), MOTION, degrees=0.15, direction=3.0)
-        assert_motion(confirmed_motion(lying, wheels, ryu), MOTION, degrees=0.15, direction=3.0)
+        assert_motion(confirmed_motion(lying, by_wheels(wheels), ryu), MOTION, degrees=0.15, direction=3.0)
 
 
 def test_the_only_view_is_never_set_aside() -> None:

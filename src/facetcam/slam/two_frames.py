@@ -40,9 +40,8 @@ _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured 
 _MOST_ASIDE = 0.3  # radians by which they may correct its direction
 _MOST_STRETCHED = 2.0  # factor of its length
 _MOST_COLLAPSED = 4.0  # factor of a proposed length: lengths proposed span as much
-_MEASURED_SHARE = (
-    0.1  # of the pairs, for which a measured turn counts: what bends one pair bends others alike
-)
+_ASIDE_SIGMA = 0.1  # radians: wheels slip to the side, floors rise
+_MEASURED_SHARE = 0.1  # of the pairs, for which it counts: what bends one pair bends others alike
 
 
 def enough_parallax(
@@ -139,22 +138,29 @@ class Measured:
     T_a_b: Array
     turn_sigmas: Array
 
-    def turned(self, T_a_b: Array) -> Array:
-        """Turns (..., 3) by which motions differ from it, in standard deviations."""
-        turns = self.T_a_b[:3, :3].T @ T_a_b[..., :3, :3]
-        return np.asarray(Rotation.from_matrix(turns).as_rotvec() / self.turn_sigmas)
+    def off(self, T_a_b: Array) -> Array:
+        """By how much motions turn otherwise and go aside (..., 6), in standard deviations."""
+        turns = Rotation.from_matrix(self.T_a_b[:3, :3].T @ T_a_b[..., :3, :3]).as_rotvec()
+        aside = _direction(T_a_b) - _direction(self.T_a_b)
+        return np.concatenate([turns / self.turn_sigmas, aside / _ASIDE_SIGMA], axis=-1)
 
     def misfit(self, T_a_b: Array) -> Array:
         """Its part in a mean of distances in pixels, cut off alike."""
-        off = np.minimum(_EPIPOLAR_SIGMA * np.linalg.norm(self.turned(T_a_b), axis=-1), EPIPOLAR_GATE)
+        off = np.minimum(_EPIPOLAR_SIGMA * np.linalg.norm(self.off(T_a_b), axis=-1), EPIPOLAR_GATE)
         return np.asarray(_MEASURED_SHARE * off)
+
+
+def _direction(T_a_b: Array) -> Array:
+    """Unit vectors (..., 3) of the ways of motions."""
+    way = T_a_b[..., :3, 3]
+    return np.asarray(way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9))
 
 
 def confirmed_motion(pairs: Pairs, measured: Measured, optics: Optics) -> Array | None:
     """Motion that was measured otherwise, turned as the images say; None where they say something else.
 
-    Wheels may slip and their clock be off: the length is theirs, and the turn as far as the images cannot
-    tell it. A wall that one view sees moves alike whether the rig goes along it or turns.
+    Wheels may slip and their clock be off: the length is theirs, and turn and direction as far as the images
+    cannot tell them. A wall that one view sees moves alike whether the rig goes along it or turns.
     """
     T_a_b, pairs = measured.T_a_b, pairs.without(standing_views(pairs))
     if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
@@ -221,7 +227,7 @@ def joint_motion(pairs: Pairs, proposals: dict[int, Array], optics: Optics) -> A
 def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | None = None) -> Array:
     """The motion with the least epipolar errors of all views; they move its length as far as they know it.
 
-    A turn that was `measured` counts for a share of the pairs.
+    What was `measured` counts for a share of the pairs.
     """
     length = float(np.linalg.norm(T_a_b[:3, 3]))
     times = 0 if measured is None else max(round(_MEASURED_SHARE * len(pairs)), 1)
@@ -230,7 +236,7 @@ def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | No
         T = T_a_b @ se3.exp(twists)
         stretch = np.log(np.maximum(np.linalg.norm(T[..., :3, 3], axis=-1), 1e-9) / length)
         told = [pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch[..., None]]
-        told += [] if measured is None else times * [_EPIPOLAR_SIGMA * measured.turned(T)]
+        told += [] if measured is None else times * [_EPIPOLAR_SIGMA * measured.off(T)]
         return np.concatenate(told, axis=-1)
 
     def jacobian(twist: Array) -> Array:
