@@ -68,7 +68,7 @@ class SlamConfig:
     match_distance: int = 64
     match_ratio: float = 0.85
     search_radius: float = 0.05
-    min_parallax: float = 0.01
+    min_parallax: float = 0.005
     keyframe_parallax: float = 0.08
     keyframe_angle: float = 0.15
     keyframe_overlap: float = 0.8
