@@ -56,7 +56,8 @@ class Localiser:
         if fix is None:
             return None
         jumps = self._motion.jumps(frame.timestamp, fix.T_world_rig, predictions)
-        if not self._trust.believes(fix, self._motion.reckoned(odometry), jumps):
+        beside = self._motion.is_beside(frame.timestamp, fix.T_world_rig, predictions)
+        if not self._trust.believes(fix, self._motion.reckoned(odometry), jumps, beside):
             return None
         fix = self._by_wheels_too(fix, odometry)
         if fix.sure or not grows or not is_due(fix, *self._nearest(fix), self._config):

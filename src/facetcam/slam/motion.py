@@ -11,7 +11,7 @@ from facetcam.geometry import se3
 from facetcam.slam.map import Keyframe
 from facetcam.slam.odometry import planar_motion
 from facetcam.slam.starting import Start
-from facetcam.slam.tracking import Fix
+from facetcam.slam.tracking import BESIDE, Fix
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.trust import Reckoning
 from facetcam.slam.uncertainty import reckoned_covariance
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 _PLANAR = np.array([False, False, True, True, True, False])  # of a twist, what wheels can tell
 _MAX_STEPS = 3.0  # for which a motion is taken to go on
 _FASTEST = (10.0, 20.0)  # metres and radians a second squared, by which a rig changes its motion at most
+_MOMENT = 1.0  # seconds
 _UNSURE = (0.1, 0.1)  # metres and radians by which a pose may differ in any case
 
 
@@ -112,6 +113,13 @@ class Motion:
         turn, way = np.linalg.norm(off, axis=2).T
         near = (way < _UNSURE[0] + _FASTEST[0] * passed**2) & (turn < _UNSURE[1] + _FASTEST[1] * passed**2)
         return not near.any()
+
+    def is_beside(self, timestamp: float, T_world_rig: Array, predictions: list[Array]) -> bool:
+        """Tell whether a rig that was in sight a moment ago is near where it was going."""
+        if not self.placed or timestamp - self.trajectory.last_timestamp > _MOMENT:
+            return False
+        off = np.array([se3.log(se3.inverse(T) @ T_world_rig).reshape(2, 3) for T in predictions])
+        return bool(np.any(np.all(np.linalg.norm(off, axis=2) < BESIDE, axis=1)))
 
     def reckoned(self, odometry: Array | None) -> Reckoning | None:
         """Where wheels without a gap since the loss have carried a lost rig."""

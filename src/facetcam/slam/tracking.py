@@ -36,7 +36,7 @@ _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
 _BY_CHANCE = 0.2  # share of the predictions that any pose may find
 _VIEWS = 128  # at most
-_BESIDE = (0.2, 0.2)  # radians and metres within which two poses are one place
+BESIDE = (0.2, 0.2)  # radians and metres within which two poses are one place
 _SHARP = (1.0, 0.7)  # px, and the share of the measurements that fit a right pose so well
 
 
@@ -254,7 +254,7 @@ def likelier(near: Fix | None, other: Fix | None) -> Fix | None:
 
 def _beside(a: Fix, b: Fix) -> bool:
     turn, way = np.linalg.norm(se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig).reshape(2, 3), axis=1)
-    return bool(turn < _BESIDE[0] and way < _BESIDE[1])
+    return bool(turn < BESIDE[0] and way < BESIDE[1])
 
 
 def better(a: Fix | None, b: Fix | None) -> Fix | None:

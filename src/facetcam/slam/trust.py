@@ -63,12 +63,17 @@ class Trust:
         """Doubt the next poses."""
         self._left = _PROBATION
 
-    def believes(self, fix: Fix, wheels: Reckoning | None = None, jumps: bool = False) -> bool:
+    def believes(
+        self, fix: Fix, wheels: Reckoning | None = None, jumps: bool = False, beside: bool = False
+    ) -> bool:
         """Tell whether a pose is good enough now; `wheels` tell where a lost rig should be.
 
-        `jumps` says that it is farther from all predictions than a rig could have got.
+        `jumps` says that it is farther from all predictions than a rig could have got, `beside` that the rig
+        was lost a moment ago and is found where it was going.
         """
         if not self._left and not jumps:
+            return True
+        if beside and fix.clear:
             return True
         agreed = wheels is not None and wheels.agrees(fix.T_world_rig)
         confirmed = self._witnesses(fix) + int(agreed and fix.sharp) >= _WITNESSES
