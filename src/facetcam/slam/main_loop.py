@@ -12,6 +12,7 @@ from facetcam.slam.motion import Motion
 from facetcam.slam.odometry import planar_pose
 from facetcam.slam.odometry_check import OdometryCheck
 from facetcam.slam.parts import Parts
+from facetcam.slam.starting import Start
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.stopwatch import Stopwatch
 from facetcam.slam.threads import Background
@@ -97,15 +98,14 @@ class MainLoop:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
         self._motion.lose(wheels, check.agrees)
         self._localiser.doubt()
-        if self._gives_up(frame):
-            self.given_up += [] if self._young else [frame.timestamp]
+        if self._motion.lost_frames > _PATIENCE and self._young:
             self._forget()
             return self._start(frame, wheels)
         with self._map.lock:
             last = self._map.keyframes[-1]
             T = self._motion.roll(frame.timestamp, wheels, self._config.odometry_sigma, last)
         if T is None:
-            return State(frame.timestamp, Status.LOST, map_points=self._n_points)
+            return self._anew(frame) or State(frame.timestamp, Status.LOST, map_points=self._n_points)
         if self._resumes(frame, wheels, check.agrees, T):
             return self._begun(frame, self._motion.trajectory.last(), self._motion.covariance)
         covariance = self._motion.covariance
@@ -133,12 +133,20 @@ class MainLoop:
     def _young(self) -> bool:
         return self._map.young and not self._continued
 
-    def _gives_up(self, frame: Frame) -> bool:
-        """Tell whether a lost map was wrong, or so brief that a new one serves better than waiting for it."""
-        if self._motion.lost_frames <= _PATIENCE or self._continued:
-            return False
+    def _anew(self, frame: Frame) -> State | None:
+        """Begin a new map in place of a brief one, once there is one: it serves better than waiting."""
         followed, lost = self._motion.trajectory.since(frame.timestamp)
-        return self._map.young or followed < min(lost, _BRIEF)
+        if self._continued or followed >= min(lost, _BRIEF):
+            return None
+        with self._timed("start"):
+            start = self._parts.resumer.offer(frame, None, False)
+        if start is None:
+            return None
+        self.given_up.append(frame.timestamp)
+        self._mapping.wait()
+        self._parts.grower.start_again()
+        self._motion.forget()
+        return self._follows_from(self._parts.resumer.carry_over(start, start.last.T_world_rig), frame)
 
     def _forget(self) -> None:
         """A map that fails this early was wrong: forget it with its poses."""
@@ -153,8 +161,13 @@ class MainLoop:
             start = self._parts.starter.offer(frame, wheels)
         if start is None:
             return State(frame.timestamp, Status.STARTING, None if wheels is None else planar_pose(wheels))
-        self._motion.begin(start)
         start.first.measured = start.last.measured = len(start.last.observations)
+        return self._follows_from(start, frame)
+
+    def _follows_from(self, start: Start, frame: Frame) -> State:
+        """Follow the map that two frames have started."""
+        self._motion.begin(start)
+        self._localiser.trust_again()
         return self._begun(frame, start.last.T_world_rig.copy())
 
     def _begun(self, frame: Frame, T_world_rig: Array, covariance: Array | None = None) -> State:

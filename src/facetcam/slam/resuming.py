@@ -42,7 +42,7 @@ class Resumer:
         self._corners = corners
         self._in_vain = 0  # frames that showed enough, but nothing of the map
 
-    def offer(self, frame: Frame, odometry: Array, wheels_proven: bool) -> Start | None:
+    def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool) -> Start | None:
         """Take one more frame of a lost rig; returns the start beside the map once there is one."""
         if len(self._corners(frame)) < MIN_MATCHES:
             self.forget()
@@ -50,15 +50,15 @@ class Resumer:
         self._in_vain += 1
         return self._starter.offer(frame, odometry, wheels_proven) if self._in_vain > _PATIENCE else None
 
-    def carry_over(self, start: Start, T_world_rig: Array, covariance: Array) -> Start:
-        """Repeat a start in the map, its last frame at a pose of that covariance."""
+    def carry_over(self, start: Start, T_world_rig: Array, covariance: Array | None = None) -> Start:
+        """Repeat a start in the map, its last frame at a pose of that covariance, or of the world's own."""
         self._map.since = len(self._map.keyframes)
         T_world_aside = T_world_rig @ se3.inverse(start.last.T_world_rig)
         first, last = (self._insert(k, T_world_aside, covariance) for k in (start.first, start.last))
         self.forget()
         return Start(first, last, [], start.T_step, start.step)
 
-    def _insert(self, keyframe: Keyframe, T_world_aside: Array, covariance: Array) -> Keyframe:
+    def _insert(self, keyframe: Keyframe, T_world_aside: Array, covariance: Array | None) -> Keyframe:
         assert keyframe.frame is not None
         T_world_rig = T_world_aside @ keyframe.T_world_rig
         own = self._mapper.insert(
