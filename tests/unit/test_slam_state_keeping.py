@@ -256,29 +256,34 @@ def lost(followed: float, waited: float, keyframes: int) -> tuple[Slam, Frame]:
 
 
 @pytest.mark.parametrize(
-    ("followed", "waited", "keyframes", "given_up"),
+    ("followed", "waited", "brief"),
     [
-        (2.0, 1.5, 30, False),  # longer known than lost
-        (2.0, 2.5, 30, True),
-        (20.0, 60.0, 30, False),  # whoever comes back to it later wants it
-        (20.0, 1.5, 7, True),  # young: it was wrong
-        (0.5, 0.8, 30, False),  # a second of darkness is no reason
+        (2.0, 1.5, False),  # longer known than lost
+        (2.0, 2.5, True),
+        (20.0, 60.0, False),  # whoever comes back to it later wants it
+        (0.5, 0.8, True),
     ],
 )
-def test_only_a_brief_map_or_a_young_one_is_given_up(
-    followed: float, waited: float, keyframes: int, given_up: bool
-) -> None:
-    slam, frame = lost(followed, waited, keyframes)
-    assert slam._loop._gives_up(frame) == given_up
-    state = slam.track(frame.grey, frame.timestamp)
-    assert state.status is (Status.STARTING if given_up else Status.LOST)
-    assert slam.given_up == ([frame.timestamp] if given_up and keyframes > 7 else [])
+def test_a_brief_map_is_kept_until_a_new_one_begins(followed: float, waited: float, brief: bool) -> None:
+    slam, frame = lost(followed, waited, 30)
+    assert slam._loop._brief(frame) is brief
+    state = slam.track(frame.grey, frame.timestamp)  # in the dark nothing begins
+    assert state.status is Status.LOST
+    assert not slam.given_up
+    assert len(slam.trajectory()[0]) == round(10 * followed) + 1
+
+
+def test_a_young_map_that_was_lost_is_forgotten() -> None:
+    slam, frame = lost(20.0, 1.5, 7)
+    assert slam.track(frame.grey, frame.timestamp).status is Status.STARTING
+    assert not len(slam.trajectory()[0])
 
 
 def test_a_loaded_map_is_never_given_up() -> None:
     slam, frame = lost(2.0, 5.0, 7)
     slam._loop.go_on(localise_only=False)
-    assert not slam._loop._gives_up(frame)
+    assert not slam._loop._brief(frame)
+    assert slam.track(frame.grey, frame.timestamp).status is Status.LOST
 
 
 def test_poses_that_were_wrong_are_forgotten_back_to_the_last_keyframe() -> None:

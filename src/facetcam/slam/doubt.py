@@ -24,14 +24,25 @@ _ALIKE = 0.03  # radians between the turns, and between the ways, of motions tha
 
 
 def views_aside(pairs: Pairs, T_a_b: Array, optics: Optics) -> Index:
-    """Views that contradict a motion, or stand in spite of it; none where most do.
+    """Views that show another motion, or stand in spite of this one; none where most do.
 
-    In failing light most pairs are false in most views, and a view of noise is no liar.
+    A view whose pairs fit no motion is no liar: in poor light, or on a rough way, most pairs may be false.
     """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
     standing = shares(pairs.views, pairs.stand(T_a_b, optics))[1]
-    aside = witnesses[(fitting < _AGREEING) | (standing > _STANDING)]
+    own = [_own_share(pairs, v, optics) if fits < _AGREEING else 0.0 for v, fits in zip(witnesses, fitting)]
+    lying = (standing > _STANDING) | (np.array(own) > np.maximum(fitting + _BETTER, _AGREEING))
+    aside = witnesses[lying]
     return aside if 2 * len(aside) <= len(witnesses) else aside[:0]
+
+
+def _own_share(pairs: Pairs, view: int, optics: Optics) -> float:
+    """Share of a view's pairs that fit the motion which they show by themselves."""
+    own = pairs.without(np.setdiff1d(pairs.views, view))
+    T = view_motions(own, optics).get(view)
+    if T is None:
+        return 0.0
+    return float(own.fit(optics.T_rig_view[view] @ T @ optics.T_view_rig[view], optics).mean())
 
 
 def _on_the_same_way(T: Array, T_a_b: Array) -> bool:

@@ -133,10 +133,14 @@ class MainLoop:
     def _young(self) -> bool:
         return self._map.young and not self._continued
 
+    def _brief(self, frame: Frame) -> bool:
+        """Tell whether a map was followed for a few seconds, and lost for longer."""
+        followed, lost = self._motion.trajectory.since(frame.timestamp)
+        return not self._continued and followed < min(lost, _BRIEF)
+
     def _anew(self, frame: Frame) -> State | None:
         """Begin a new map in place of a brief one, once there is one: it serves better than waiting."""
-        followed, lost = self._motion.trajectory.since(frame.timestamp)
-        if self._continued or followed >= min(lost, _BRIEF):
+        if not self._brief(frame):
             return None
         with self._timed("start"):
             start = self._parts.resumer.offer(frame, None, False)
