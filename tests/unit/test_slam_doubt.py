@@ -84,6 +84,12 @@ def test_a_turn_astray_is_refuted_by_the_motion_that_the_corners_show(ryu: Optic
     assert refuting_motion(pairs, MOTION, ryu) is None
 
 
+def test_a_pattern_that_repeats_refutes_nothing(ryu: Optics) -> None:
+    """Windows and tiles look alike a pane further: their pairs agree on another turn in every view."""
+    pairs = true_pairs(ryu, MOTION @ se3.exp([0.0, 0.0, 0.15, 0.16, 0.0, 0.0]), np.random.default_rng(69))
+    assert refuting_motion(pairs, MOTION, ryu) is None
+
+
 def test_neither_a_view_that_lies_nor_chance_refutes(ryu: Optics) -> None:
     assert refuting_motion(world(ryu, [1], 7), MOTION, ryu) is None
     rng = np.random.default_rng(68)

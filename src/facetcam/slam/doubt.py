@@ -20,6 +20,7 @@ _STANDING = 0.5  # and above which it stands where the turn alone should have mo
 _SURE = 0.8  # and above which it agrees with it beyond doubt
 _CLEAR = 0.4  # and above which it bears one out that refutes another
 _BETTER = 0.2  # by which another motion's share is larger
+_MOST_ASTRAY = 0.1  # radians
 _ALIKE = 0.03  # radians between the turns, and between the ways, of motions that may differ in length alone
 
 
@@ -68,11 +69,12 @@ def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
 def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
     """The motion that several views show where they contradict this one; None where they do not.
 
-    The map must be grown: its lengths are right, so small turns astray count, too.
+    The map must be grown: its lengths are right, so small turns astray count, too. What turns quite otherwise
+    is a pattern that repeats, not what a bent map does to a pose.
     """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
     another = _of_doubters(pairs, witnesses[fitting < _AGREEING], T_a_b, optics)
-    if another is None:
+    if another is None or np.linalg.norm(se3.log(se3.inverse(T_a_b) @ another)[:3]) > _MOST_ASTRAY:
         return None
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against = (fitting < _AGREEING) & (otherwise > np.maximum(fitting + _BETTER, _CLEAR))
