@@ -11,7 +11,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
 from facetcam.slam.optics import Optics
-from facetcam.slam.scale import map_uncertainty
+from facetcam.slam.scale import MapUncertainty, map_uncertainty
 from facetcam.slam.shutter import sweep
 from facetcam.slam.wheel_steps import WheelSteps
 
@@ -102,12 +102,22 @@ class Adjuster:
         bundle = self.whole()
         if bundle is None:
             return np.inf
-        found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
-        for keyframe, covariance in zip(self._map.keyframes, found.covariance):
-            keyframe.covariance = covariance
+        found = self._give_covariances(bundle)
         if bundle.nuisances is not None and len(found.nuisance_step):
             self.believe(believed(bundle.nuisances.values + found.nuisance_step, found.nuisance_covariance))
         return found.scale_sigma
+
+    def give_covariances(self) -> None:
+        """Give every keyframe its covariance, also where the map is too young to be judged."""
+        bundle = self.whole()
+        if bundle is not None:
+            self._give_covariances(bundle)
+
+    def _give_covariances(self, bundle: Bundle) -> MapUncertainty:
+        found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
+        for keyframe, covariance in zip(self._map.keyframes, found.covariance):
+            keyframe.covariance = covariance
+        return found
 
     def whole(self, swept: bool = True) -> Bundle | None:
         """All keyframes and the points that they saw as one problem, the first keyframe held.

@@ -74,6 +74,8 @@ class Grower:
             for settled in self._map.keyframes[self._places.indexed : -self._config.window]:
                 self._places.add(settled)
                 settled.corners = Corners.none()  # the index has what is worth keeping
+        if len(self._map.keyframes) < _FIRST_GLOBAL:
+            self._adjuster.give_covariances()
         loop = self._closer.close(keyframe, self.metric)
         if loop is not None:
             self.loops += 1

@@ -171,6 +171,7 @@ class MainLoop:
     def _follows_from(self, start: Start, frame: Frame) -> State:
         """Follow the map that two frames have started."""
         self._motion.begin(start)
+        self._parts.adjuster.give_covariances()
         self._localiser.trust_again()
         return self._begun(frame, start.last.T_world_rig.copy())
 
