@@ -135,8 +135,10 @@ class MainLoop:
 
     def _brief(self, frame: Frame) -> bool:
         """Tell whether a map was followed for a few seconds, and lost for longer."""
+        if self._continued:
+            return False
         followed, lost = self._motion.trajectory.since(frame.timestamp)
-        return not self._continued and followed < min(lost, _BRIEF)
+        return followed < min(lost, _BRIEF)
 
     def _anew(self, frame: Frame) -> State | None:
         """Begin a new map in place of a brief one, once there is one: it serves better than waiting."""
