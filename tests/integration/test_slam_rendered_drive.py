@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import chi2
 from slam_worlds import folded, single, small
 
 from facetcam.errors import FacetcamError
@@ -142,6 +143,19 @@ def test_states_tell_what_was_measured(shot: Shot, by_sight: Run) -> None:
     assert state.covariance is not None
     assert np.all(np.linalg.eigvalsh(state.covariance) > 0)
     assert 0.0 < np.sqrt(np.trace(state.covariance[3:, 3:])) < 0.02
+
+
+def test_live_poses_are_as_unsure_as_they_say_from_the_start(shot: Shot, by_sight: Run) -> None:
+    """Turns against the first keyframe: of a map by sight they alone need no metre."""
+    began = next(k for k, state in enumerate(by_sight.states) if state.keyframe)
+    first = by_sight.slam.keyframe_poses[0]
+    nees = []
+    for k, state in enumerate(by_sight.states[began + 1 :], began + 1):
+        assert state.T_world_rig is not None and state.covariance is not None
+        turned = se3.inverse(shot.drive.poses[0]) @ shot.drive.poses[k]
+        error = se3.log(se3.inverse(turned) @ se3.inverse(first) @ state.T_world_rig)[:3]
+        nees.append(float(error @ np.linalg.solve(state.covariance[:3, :3], error)))
+    assert np.mean(np.array(nees) < chi2.ppf(0.9973, 3)) >= 0.9
 
 
 def test_the_cloud_lies_in_the_room(room: MeshRenderer, shot: Shot, with_wheels: Run) -> None:

@@ -70,6 +70,13 @@ def test_wheels_are_asked_in_the_dark_where_they_went_as_the_images_did(factor: 
     assert judged(drive(TIMES) * [factor, factor, 1.0]).agrees == agrees
 
 
+@pytest.mark.parametrize(("factor", "few", "foretells"), [(1.0, 2, True), (-1.0, 2, True), (-1.0, 20, False)])
+def test_wheels_foretell_until_the_images_go_another_way(factor: float, few: int, foretells: bool) -> None:
+    check = judged(drive(TIMES) * [factor, factor, 1.0], few)
+    assert check.foretells is foretells
+    assert not check.agrees  # in the dark more is asked
+
+
 def test_a_steady_turn_tells_nothing_of_the_clock() -> None:
     check, rate = OdometryCheck(), 0.4
     for t in TIMES:

@@ -106,6 +106,27 @@ def test_a_jump_is_what_no_rig_can_do(interval: float, aside: float, turn: float
     assert not motion.jumps(3 * interval, there, expected)  # doubted already
 
 
+@pytest.mark.parametrize(
+    ("aside", "turn", "later", "beside"),
+    [(0.1, 0.1, 0.1, True), (0.3, 0.0, 0.1, False), (0.0, 0.3, 0.1, False), (0.0, 0.0, 1.5, False)],
+)
+def test_a_rig_lost_a_moment_ago_is_beside_where_it_was_going(
+    aside: float, turn: float, later: float, beside: bool
+) -> None:
+    motion, _ = driven(0.7, 0.1)
+    motion.lose(None, False)
+    expected = motion.predictions(0.2 + later, None)
+    there = expected[0] @ se3.exp([0.0, 0.0, turn, aside, 0.0, 0.0])
+    assert motion.is_beside(0.2 + later, there, expected) is beside
+
+
+def test_beside_its_way_a_clear_pose_is_believed_at_once() -> None:
+    one_view, expected = fix([0, 60, 0, 0], [5, 80, 5, 5], BLUNT), [60, 80, 60, 60]
+    assert doubting().believes(one_view, beside=True)
+    assert not doubting().believes(one_view)
+    assert not doubting().believes(fix([0, 60, 0, 0], expected, BLUNT), beside=True)
+
+
 @pytest.mark.parametrize("residual", [SHARP, BLUNT])
 def test_two_views_confirm_though_a_wall_hides_what_others_expect(residual: float) -> None:
     assert doubting().believes(fix([10, 16, 0, 18], [14, 21, 0, 160], residual))
