@@ -38,6 +38,7 @@ COLUMNS = (
 )
 IN_MEMORY = 200  # frames: colour takes 6 MB each
 JPEG_QUALITY = 95
+STEP = 0.1  # seconds between two frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ CASES = (
     Case("decoding", "film", 1),
     Case("decoding", "film", 2),
     Case("decoding, real time", "film", 2, real_time=True),
-    Case("to and fro", "loop", 2),
+    Case("over and over", "loop", 2),
 )
 
 
@@ -76,24 +77,30 @@ def shots(inputs: SlamInputs) -> Iterator[Shot]:
         yield Shot(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
 
 
-def to_and_fro(inputs: SlamInputs, times: int, folder: Path) -> Iterator[Shot]:
-    """The film forward, backward, forward, ... so that the motion is continuous.
+def over_and_over(inputs: SlamInputs, times: int, folder: Path) -> Iterator[Shot]:
+    """The film again and again: its last frame is its first one, so the motion is continuous.
 
     Frames wait on disk as grey pictures: what they take does not count as the tracker's memory.
     """
-    kept = []
+    kept, wheels = [], []
     for i, frame in enumerate(inputs.source):
         path = str(folder / f"{i:06d}.jpg")
-        cv2.imwrite(
-            path, cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-        )
-        kept.append((path, inputs.odometry_at(frame.timestamp)))
-    step = 0.1  # seconds
-    order = [i for lap in range(times) for i in (range(len(kept)), reversed(range(len(kept))))[lap % 2]]
-    for k, i in enumerate(order):
-        if k and order[k - 1] == i:
-            continue  # the frame at which it turns comes once
-        yield Shot(cv2.imread(kept[i][0], cv2.IMREAD_GRAYSCALE), step * k, kept[i][1])
+        grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+        cv2.imwrite(path, grey, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+        kept.append(path)
+        wheels.append(planar(inputs.odometry_at(frame.timestamp)))
+    for k in range(times * (len(kept) - 1)):
+        lap, i = divmod(k, len(kept) - 1)
+        T = np.linalg.matrix_power(wheels[-1] @ np.linalg.inv(wheels[0]), lap) @ wheels[i]
+        row = (float(T[0, 2]), float(T[1, 2]), float(np.arctan2(T[1, 0], T[0, 0])))
+        yield Shot(cv2.imread(kept[i], cv2.IMREAD_GRAYSCALE), STEP * k, row)
+
+
+def planar(row: tuple[float, float, float] | None) -> NDArray[np.float64]:
+    """Motion (3, 3) of the plane by x, y, yaw."""
+    x, y, yaw = row or (0.0, 0.0, 0.0)
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, x], [s, c, y], [0.0, 0.0, 1.0]])
 
 
 def run(case: Case, times: int) -> dict[str, float]:
@@ -104,7 +111,7 @@ def run(case: Case, times: int) -> dict[str, float]:
     slam = Slam(inputs.rig, SlamConfig(real_time=case.real_time))
     with inputs.source, tempfile.TemporaryDirectory() as folder:
         if case.kind == "loop":
-            source = to_and_fro(inputs, times, Path(folder))
+            source = over_and_over(inputs, times, Path(folder))
         else:
             source = shots(inputs)
             if case.kind == "memory":
@@ -154,7 +161,7 @@ def row(case: Case, r: dict[str, float]) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="run only cases whose name holds this")
-    parser.add_argument("--times", type=int, default=20, help="laps of `to and fro`")
+    parser.add_argument("--times", type=int, default=20, help="laps of `over and over`")
     parser.add_argument("--case", type=int, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.case is not None:
