@@ -12,6 +12,7 @@ from slam_worlds import winding_path
 
 from facetcam.slam import loops
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Corners
 from facetcam.slam.growing import Grower
 from facetcam.slam.loops import LoopCloser
@@ -19,7 +20,6 @@ from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements
 from facetcam.slam.pose import Pose
 from facetcam.slam.scale_evidence import Evidence
-from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Corners
 from facetcam.slam.keyframes import is_due
 from facetcam.slam.map import Keyframe
 from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.pose import Pose
-from facetcam.slam.tracking import Fix
 
 CONFIG = SlamConfig(keyframe_points=150, keyframe_overlap=0.8)
 

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Corners, Frame
 from facetcam.slam.loops import LoopCloser
 from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.places import Places
-from facetcam.slam.tracking import Fix
 from facetcam.slam.trajectory import Trajectory
 
 Array = NDArray[np.float64]

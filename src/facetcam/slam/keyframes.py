@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.tracking import Fix
 
 Array = NDArray[np.float64]
 

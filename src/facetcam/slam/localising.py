@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Frame
 from facetcam.slam.fusion import fused
 from facetcam.slam.keyframes import is_due, nearest_keyframe
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.motion import Motion
-from facetcam.slam.tracking import Fix, Tracker
+from facetcam.slam.tracking import Tracker
 from facetcam.slam.trust import Trust
 
 Array = NDArray[np.float64]

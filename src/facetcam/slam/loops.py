@@ -11,13 +11,14 @@ from scipy.spatial import cKDTree
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.pose_graph import Edges, relax
 from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.tracking import Fix, Tracker
+from facetcam.slam.tracking import Tracker
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

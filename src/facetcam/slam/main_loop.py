@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Frame
 from facetcam.slam.localising import Localiser
 from facetcam.slam.motion import Motion
@@ -16,7 +17,6 @@ from facetcam.slam.starting import Start
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.stopwatch import Stopwatch
 from facetcam.slam.threads import Background
-from facetcam.slam.tracking import Fix
 from facetcam.slam.uncertainty import pose_covariance
 
 Array = NDArray[np.float64]

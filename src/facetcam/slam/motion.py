@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
+from facetcam.slam.fix import BESIDE, Fix
 from facetcam.slam.map import Keyframe
 from facetcam.slam.odometry import planar_motion
 from facetcam.slam.starting import Start
-from facetcam.slam.tracking import BESIDE, Fix
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.trust import Reckoning
 from facetcam.slam.uncertainty import reckoned_covariance

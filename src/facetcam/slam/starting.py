@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import views_aside
+from facetcam.slam.fix import Fix
 from facetcam.slam.following import Links, follow
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
@@ -21,7 +22,7 @@ from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, in_sight
 from facetcam.slam.scale_search import home_of_points
-from facetcam.slam.tracking import Fix, Tracker
+from facetcam.slam.tracking import Tracker
 from facetcam.slam.two_frames import (
     MIN_MATCHES,
     STANDING,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.tracking import Fix
+from facetcam.slam.fix import Fix
 from facetcam.slam.witnesses import LEAST_IN_VIEW
 
 Array = NDArray[np.float64]
