@@ -20,6 +20,7 @@ from facetcam.slam.motion import Motion
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.trust import Reckoning
 
 Array = NDArray[np.float64]
 
@@ -284,6 +285,20 @@ def test_a_loaded_map_is_never_given_up() -> None:
     slam._loop.go_on(localise_only=False)
     assert not slam._loop._brief(frame)
     assert slam.track(frame.grey, frame.timestamp).status is Status.LOST
+
+
+@pytest.mark.parametrize(("way", "status"), [(0.0, Status.LOST), (0.5, Status.DEAD_RECKONING)])
+def test_a_rig_that_is_carried_while_its_wheels_stand_is_lost(way: float, status: Status) -> None:
+    """Six frames showed enough, and nothing of the map, where the wheels say that the rig has not moved."""
+    slam, frame = lost(20.0, 0.7, 30)
+    motion, resumer, width = slam._motion, slam._parts.resumer, slam.rig.size[0]
+    motion.placed, motion.odometry = True, np.zeros(3)
+    motion._reckoning, resumer._in_vain = Reckoning(np.eye(4), way=way), 6
+    grid = np.indices((slam.rig.size[1], width)).sum(axis=0) // 20 % 2  # something to see
+    state = slam.track((255 * grid).astype(np.uint8), frame.timestamp, np.zeros(3))
+    assert state.status is status
+    assert (state.T_world_rig is None) == (status is Status.LOST)
+    assert motion.roll(frame.timestamp + 0.1, np.zeros(3), 0.3, keyframe(0, np.eye(4))) is None or way
 
 
 def test_poses_that_were_wrong_are_forgotten_back_to_the_last_keyframe() -> None:

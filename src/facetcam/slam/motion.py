@@ -40,6 +40,8 @@ class Motion:
         Of the last frame.
     covariance : (6, 6) array
         Of the last pose.
+    carried : bool
+        Away from where its wheels stand: they tell nothing until the rig is found.
     """
 
     trajectory: Trajectory = field(default_factory=Trajectory)
@@ -47,6 +49,7 @@ class Motion:
     lost_frames: int = 0
     odometry: Array | None = None
     covariance: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    carried: bool = False
     _T_step: Array = field(default_factory=lambda: np.eye(4))  # between the last two frames
     _step: float = 0.0  # seconds it took
     _reckoning: Reckoning | None = None  # of a lost rig
@@ -76,7 +79,7 @@ class Motion:
     def forget(self) -> None:
         """The map was wrong, and so are the poses in it."""
         self.trajectory.clear()
-        self.lost_frames = 0
+        self.lost_frames, self.carried = 0, False
 
     def go_back(self, keyframe: Keyframe) -> None:
         """The poses since the last keyframe were wrong: forget them, and go on from there."""
@@ -127,6 +130,11 @@ class Motion:
             return None
         return self._reckoning.further(planar_motion(self.odometry, odometry, 0.0)[0])
 
+    @property
+    def stands(self) -> bool:
+        """Tell whether proven wheels have not moved since the rig was lost."""
+        return self._reckoning is not None and self._reckoning.stands
+
     def follow(self, timestamp: float, fix: Fix, keyframe: Keyframe, odometry: Array | None) -> None:
         """Sight has found the rig."""
         T_before = None
@@ -137,7 +145,7 @@ class Motion:
             self._T_step = np.eye(4) if self.lost_frames else step
             self._step = timestamp - self.trajectory.last_timestamp
         self.trajectory.add(timestamp, fix.T_world_rig, keyframe, fix.seen, T_before)
-        self.lost_frames, self.placed, self._reckoning = 0, True, None
+        self.lost_frames, self.placed, self._reckoning, self.carried = 0, True, None, False
 
     def lose(self, odometry: Array | None, wheels_proven: bool) -> None:
         """Sight has not found the rig; wheels that have proven themselves go on from where it was."""
@@ -150,7 +158,7 @@ class Motion:
         self, timestamp: float, odometry: Array | None, sigma: float, keyframe: Keyframe
     ) -> Array | None:
         """The pose (4, 4) to which wheels of relative error `sigma` have carried the rig, if they tell."""
-        if not self.placed or odometry is None or self.odometry is None:
+        if self.carried or not self.placed or odometry is None or self.odometry is None:
             return None
         T_step, covariance = planar_motion(self.odometry, odometry, sigma)
         T_world_rig = self.trajectory.last() @ T_step

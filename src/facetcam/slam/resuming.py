@@ -42,13 +42,18 @@ class Resumer:
         self._corners = corners
         self._in_vain = 0  # frames that showed enough, but nothing of the map
 
+    @property
+    def in_vain(self) -> bool:
+        """Tell whether several frames in a row showed enough, but nothing of the map."""
+        return self._in_vain > _PATIENCE
+
     def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool) -> Start | None:
         """Take one more frame of a lost rig; returns the start beside the map once there is one."""
         if len(self._corners(frame)) < MIN_MATCHES:
             self.forget()
             return None
         self._in_vain += 1
-        return self._starter.offer(frame, odometry, wheels_proven) if self._in_vain > _PATIENCE else None
+        return self._starter.offer(frame, odometry, wheels_proven) if self.in_vain else None
 
     def carry_over(self, start: Start, T_world_rig: Array, covariance: Array | None = None) -> Start:
         """Repeat a start in the map, its last frame at a pose of that covariance, or of the world's own."""

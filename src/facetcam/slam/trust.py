@@ -38,6 +38,11 @@ class Reckoning:
         turn, way = np.linalg.norm(se3.log(T_step).reshape(2, 3), axis=1)
         return Reckoning(self.T_world_rig @ T_step, self.way + float(way), self.turn + float(turn))
 
+    @property
+    def stands(self) -> bool:
+        """Tell whether the wheels have moved by no more than they err."""
+        return self.way < _WHEELS_FLOOR[0] and self.turn < _WHEELS_FLOOR[1]
+
     def agrees(self, T_world_rig: Array, share: float = _WHEELS) -> bool:
         """Tell whether a pose is as near as wheels of that relative error would be."""
         turn, way = np.linalg.norm(se3.log(se3.inverse(self.T_world_rig) @ T_world_rig).reshape(2, 3), axis=1)
