@@ -104,8 +104,8 @@ class MainLoop:
         with self._map.lock:
             last = self._map.keyframes[-1]
             T = self._motion.roll(frame.timestamp, wheels, self._config.odometry_sigma, last)
-        # Wheels that stand while all looks otherwise: somebody has carried the rig.
-        self._motion.carried |= self._motion.stands and self._parts.resumer.in_vain
+        if self._motion.stands and self._parts.resumer.in_vain:
+            self._motion.distrust_wheels()
         if T is None or self._motion.carried:
             return self._anew(frame) or State(frame.timestamp, Status.LOST, map_points=self._n_points)
         if self._resumes(frame, wheels, check.agrees, T):

@@ -135,6 +135,11 @@ class Motion:
         """Tell whether proven wheels have not moved since the rig was lost."""
         return self._reckoning is not None and self._reckoning.stands
 
+    def distrust_wheels(self) -> None:
+        """They stand while all looks otherwise: somebody has carried the rig."""
+        self.carried = True
+        self.trajectory.forget_reckoned()
+
     def follow(self, timestamp: float, fix: Fix, keyframe: Keyframe, odometry: Array | None) -> None:
         """Sight has found the rig."""
         T_before = None

@@ -92,6 +92,13 @@ class Trajectory:
         """Forget the frames after one."""
         self._frames = [f for f in self._frames if f.timestamp <= timestamp]
 
+    def forget_reckoned(self) -> None:
+        """Forget the frames since sight placed one."""
+        while (
+            len(self._frames) > 1 and self._frames[-1].T_before is not None and self._frames[-1].seen is None
+        ):
+            self._frames.pop()
+
     def velocity(self, timestamp: float) -> Array:
         """Right-hand twist (6,) a second at a recent frame, from its neighbours in time; zero without any."""
         near = [f for f in self._frames[-_RECENT:] if abs(f.timestamp - timestamp) < _NEAR]
