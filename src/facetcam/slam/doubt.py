@@ -54,16 +54,24 @@ def _on_the_same_way(T: Array, T_a_b: Array) -> bool:
     return bool(turn < _ALIKE and aside < _ALIKE)
 
 
-def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
-    """Tell whether a motion along another way explains what more views show, and far better, than this."""
+def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics, wheels: Array | None = None) -> bool:
+    """Tell whether a motion along another way explains what more views show, and far better, than this.
+
+    Wheels that went another way are a witness beside the views.
+    """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
-    another = _of_doubters(pairs, witnesses[fitting < _SURE], T_a_b, optics)
+    doubters = witnesses[fitting < _SURE]
+    another, for_another = _of_doubters(pairs, doubters, T_a_b, optics), 0
+    if wheels is not None and len(doubters) and not _on_the_same_way(wheels, T_a_b):
+        own = pairs.without(np.setdiff1d(witnesses, witnesses[fitting < _AGREEING]))
+        another, for_another = polished(wheels, own, optics) if len(own) else None, 1
     if another is None or _on_the_same_way(another, T_a_b):
         return False
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER
-    clearly = bool(np.all(otherwise[against] > _SURE))
-    return clearly and against.sum() >= 2 and against.sum() > in_favour.sum()
+    clearly = bool(against.any() and np.all(otherwise[against] > _SURE))
+    witnessed = int(against.sum()) + for_another
+    return clearly and witnessed >= 2 and witnessed > in_favour.sum()
 
 
 def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:

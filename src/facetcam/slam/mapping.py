@@ -15,6 +15,7 @@ from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.handovers import Handovers
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
+from facetcam.slam.odometry import planar_motion
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import match_corners
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
@@ -119,7 +120,10 @@ class Mapper:
         last = others[-1]
         pairs = match_corners(last.corners, keyframe.corners, self._config)
         T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
-        self.denied = self._map.young and is_denied(pairs, T_last_new, self._optics)
+        wheels = None
+        if last.odometry is not None and keyframe.odometry is not None:
+            wheels = planar_motion(last.odometry, keyframe.odometry, 0.0)[0]
+        self.denied = self._map.young and is_denied(pairs, T_last_new, self._optics, wheels)
         keyframe.free &= ~np.isin(keyframe.corners.views, views_aside(pairs, T_last_new, self._optics))
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:
