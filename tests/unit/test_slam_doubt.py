@@ -102,6 +102,14 @@ def test_one_view_against_one_denies_nothing(ryu: Optics) -> None:
     assert not is_denied(only(world(ryu, [1], 5), [0, 1]), ANOTHER, ryu)
 
 
+def test_wheels_break_the_tie_of_two_views(ryu: Optics) -> None:
+    """A person fills one view, and the map has followed him: the other view and the wheels say so."""
+    pairs, wheels = only(world(ryu, [1], 5), [0, 1]), MOTION @ se3.exp([0.0, 0.0, 0.01, 0.0, 0.01, 0.0])
+    assert is_denied(pairs, ANOTHER, ryu, wheels)
+    assert not is_denied(pairs, MOTION, ryu, wheels)
+    assert not is_denied(pairs, ANOTHER, ryu, ANOTHER)  # wheels that went the same way are none against it
+
+
 def test_a_view_full_of_pairs_does_not_outvote_two_that_have_few(ryu: Optics) -> None:
     """Wheels that say what a person in one view seems to confirm are not confirmed."""
     pairs = world(ryu, [0], 6)
