@@ -110,6 +110,19 @@ def test_wheels_break_the_tie_of_two_views(ryu: Optics) -> None:
     assert not is_denied(pairs, ANOTHER, ryu, ANOTHER)  # wheels that went the same way are none against it
 
 
+@pytest.mark.parametrize("view", range(4))
+def test_wheels_that_tell_nonsense_silence_no_views(ryu: Optics, view: int) -> None:
+    """Three views deny the motion that one tells, be it clearly or by the half of their pairs."""
+    nonsense = se3.exp([0.0, 0.0, -0.5, -0.3, -0.3, 0.0])
+    pairs = world(ryu, [view], view)
+    assert is_denied(pairs, ANOTHER, ryu, nonsense)
+    assert not is_denied(pairs, MOTION, ryu, nonsense)
+    slightly = MOTION @ se3.exp(
+        [0.0, 0.0, 0.0, 0.06, 0.0, 0.06]
+    )  # fits more than half of the pairs of a view
+    assert is_denied(pairs, slightly, ryu, nonsense) == is_denied(pairs, slightly, ryu)
+
+
 def test_a_view_full_of_pairs_does_not_outvote_two_that_have_few(ryu: Optics) -> None:
     """Wheels that say what a person in one view seems to confirm are not confirmed."""
     pairs = world(ryu, [0], 6)

@@ -60,18 +60,26 @@ def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics, wheels: Array | None =
     Wheels that went another way are a witness beside the views.
     """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
-    doubters = witnesses[fitting < _SURE]
-    another, for_another = _of_doubters(pairs, doubters, T_a_b, optics), 0
-    if wheels is not None and len(doubters) and not _on_the_same_way(wheels, T_a_b):
-        own = pairs.without(np.setdiff1d(witnesses, witnesses[fitting < _AGREEING]))
-        another, for_another = polished(wheels, own, optics) if len(own) else None, 1
-    if another is None or _on_the_same_way(another, T_a_b):
+    another = _of_doubters(pairs, witnesses[fitting < _SURE], T_a_b, optics)
+    if another is not None and _speaks_against(T_a_b, another, fitting, pairs, optics):
+        return True
+    against = witnesses[fitting < _AGREEING]
+    if wheels is None or not len(against) or _on_the_same_way(wheels, T_a_b):
+        return False
+    another = polished(wheels, pairs.without(np.setdiff1d(witnesses, against)), optics)
+    return _speaks_against(T_a_b, another, fitting, pairs, optics, besides=1)
+
+
+def _speaks_against(
+    T_a_b: Array, another: Array, fitting: Array, pairs: Pairs, optics: Optics, besides: int = 0
+) -> bool:
+    """Tell whether two witnesses or more, `besides` of which are no views, clearly prefer another motion."""
+    if _on_the_same_way(another, T_a_b):
         return False
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER
     clearly = bool(against.any() and np.all(otherwise[against] > _SURE))
-    witnessed = int(against.sum()) + for_another
-    return clearly and witnessed >= 2 and witnessed > in_favour.sum()
+    return clearly and against.sum() + besides >= max(2, in_favour.sum() + 1)
 
 
 def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
