@@ -9,7 +9,7 @@ from facetcam.geometry import se3
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
 from facetcam.slam.proposals import view_motions
-from facetcam.slam.two_frames import joint_motion, polished
+from facetcam.slam.two_frames import joint_motion, much_alike, polished
 from facetcam.slam.witnesses import shares
 
 Array = NDArray[np.float64]
@@ -67,7 +67,8 @@ def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics, wheels: Array | None =
     if wheels is None or not len(against) or _on_the_same_way(wheels, T_a_b):
         return False
     another = polished(wheels, pairs.without(np.setdiff1d(witnesses, against)), optics)
-    return _speaks_against(T_a_b, another, fitting, pairs, optics, besides=1)
+    theirs = much_alike(another, wheels)
+    return theirs and _speaks_against(T_a_b, another, fitting, pairs, optics, besides=1)
 
 
 def _speaks_against(

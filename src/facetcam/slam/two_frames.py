@@ -168,12 +168,12 @@ def confirmed_motion(pairs: Pairs, measured: Measured, optics: Optics) -> Array 
     turned = np.stack([polished(T, pairs, optics, measured) for T in _turned_otherwise(pairs, T_a_b, optics)])
     best = turned[int(np.argmin(pairs.misfit(turned, optics) + measured.misfit(turned)))]
     against = dissenting(pairs.views, pairs.fit(best, optics), _AGREEING)
-    if against is None or len(against) or not _much_alike(best, T_a_b):
+    if against is None or len(against) or not much_alike(best, T_a_b):
         pairs, best = _suiting_most(pairs, measured, optics)
     fits = pairs.fit(best, optics)
     by_view = shares(pairs.views, fits)[1]
     confirmed = fits.mean() > _CONFIRMING and 2 * np.sum(by_view < _AGREEING) <= len(by_view)
-    return best if confirmed and _much_alike(best, T_a_b) else None
+    return best if confirmed and much_alike(best, T_a_b) else None
 
 
 def _turned_otherwise(pairs: Pairs, T_a_b: Array, optics: Optics) -> list[Array]:
@@ -193,7 +193,7 @@ def _suiting_most(pairs: Pairs, measured: Measured, optics: Optics) -> tuple[Pai
     for view in shares(pairs.views, pairs.move())[0]:
         own = pairs.without(np.setdiff1d(pairs.views, view))
         proposals += [polished(T, own, optics, measured) for T in _turned_otherwise(own, T_a_b, optics)]
-    alike = np.stack([T for T in proposals if _much_alike(T, T_a_b)])
+    alike = np.stack([T for T in proposals if much_alike(T, T_a_b)])
     share = shares(pairs.views, pairs.fit(alike, optics))[1].sum(axis=-1)
     share -= np.array([_turned(T, T_a_b) for T in alike]) / _MOST_TURNED  # what measured it is a witness, too
     return _agreed(pairs, alike[int(np.argmax(share))], optics, measured)
@@ -204,7 +204,7 @@ def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
     return se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
 
 
-def _much_alike(T: Array, T_measured: Array) -> bool:
+def much_alike(T: Array, T_measured: Array) -> bool:
     """False where the images would correct a motion so far that they rather deny it."""
     a, b = T[:3, 3], T_measured[:3, 3]
     stretched = float(np.linalg.norm(a) / np.linalg.norm(b))
