@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.rig import Camera, Rig, presets
 from facetcam.slam.bundle import Bundle
+from facetcam.slam.frame import Corners
+from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
 from facetcam.slam.two_frames import Measured
@@ -141,3 +143,20 @@ def spoiled(pairs: Pairs, optics: Optics, rng: np.random.Generator, share: float
         rows = np.flatnonzero((pairs.views == view) & (rng.random(len(pairs)) < share))
         plane_b[rows] = plane_b[np.roll(rows, 1)]
     return Pairs(pairs.views, pairs.plane_a + rng.normal(0.0, noise, plane_b.shape), plane_b)
+
+
+def mapped(true: Rig, optics: Optics, path: Array, rng: np.random.Generator, noise: float) -> Map:
+    """The map of a world that `true` saw along a path, as the rig of `optics` takes what was seen."""
+    eyes, world = Optics(true, 8.0), Map()
+    points = in_sight(eyes, path, rng, 900)
+    sights = [look(eyes, T, points) for T in path]
+    often = np.bincount(np.concatenate([s.point for s in sights]), minlength=len(points)) >= 3
+    world.points.extend(xyz=points)
+    for index, (T, seen) in enumerate(zip(path, sights)):
+        rows = np.flatnonzero(often[seen.point])
+        pixels = seen.pixels[rows] + rng.normal(0.0, noise, (len(rows), 2))
+        keyframe = Keyframe(index, 0.1 * index, T.copy(), Corners.none(), None, None)
+        view = seen.view[rows]
+        keyframe.observations.append(seen.point[rows], view, pixels, optics.plane(pixels, view))
+        world.keyframes.append(keyframe)
+    return world

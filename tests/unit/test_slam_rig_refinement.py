@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, in_sight, look, pyramid, winding_path
+from slam_worlds import folded, mapped, pyramid, winding_path
 
 from facetcam.evaluation.trajectory import scale_error
-from facetcam.rig import Rig
 from facetcam.rig.freedom import moved, tolerance
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.map import Map
 from facetcam.slam.optics import Optics
 from facetcam.slam.rig_refinement import refine_rig
 
@@ -23,23 +21,6 @@ Array = NDArray[np.float64]
 
 RIGS = {"folded": folded(), "pyramid": pyramid()}
 CONFIG = SlamConfig()
-
-
-def mapped(true: Rig, optics: Optics, path: Array, rng: np.random.Generator, noise: float) -> Map:
-    """The map of a world that `true` saw along a path, as the rig of `optics` takes what was seen."""
-    eyes, world = Optics(true, 8.0), Map()
-    points = in_sight(eyes, path, rng, 900)
-    sights = [look(eyes, T, points) for T in path]
-    often = np.bincount(np.concatenate([s.point for s in sights]), minlength=len(points)) >= 3
-    world.points.extend(xyz=points)
-    for index, (T, seen) in enumerate(zip(path, sights)):
-        rows = np.flatnonzero(often[seen.point])
-        pixels = seen.pixels[rows] + rng.normal(0.0, noise, (len(rows), 2))
-        keyframe = Keyframe(index, 0.1 * index, T.copy(), Corners.none(), None, None)
-        view = seen.view[rows]
-        keyframe.observations.append(seen.point[rows], view, pixels, optics.plane(pixels, view))
-        world.keyframes.append(keyframe)
-    return world
 
 
 def centres(world: Map) -> Array:

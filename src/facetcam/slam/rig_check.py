@@ -14,6 +14,7 @@ from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, match_corners
 from facetcam.slam.proposals import view_motions
+from facetcam.slam.rig_audit import RigAudit
 from facetcam.slam.two_frames import joint_motion
 
 Array = NDArray[np.float64]
@@ -58,6 +59,8 @@ class RigCheck:
         The view without which all others fit; empty where there is none.
     moves_by_itself : bool
         True where something before that view explains it, and the rig need not be wrong.
+    audit : RigAudit or None
+        What the finished map says of the rig, where it is sure of its scale.
     """
 
     def __init__(self, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
@@ -72,10 +75,15 @@ class RigCheck:
         self.refined = False
         self.odd_view = ""
         self.moves_by_itself = False
+        self.audit: RigAudit | None = None
 
     @property
     def fits(self) -> bool:
         """False once the images have shown that the rig is not that of the film."""
+        return self._moves_as_one and not (self.audit and self.audit.denies)
+
+    @property
+    def _moves_as_one(self) -> bool:
         return self.misfit is None or self.misfit < _MISFIT or self.moves_by_itself
 
     @property
@@ -89,8 +97,8 @@ class RigCheck:
     @property
     def complaint(self) -> str:
         """What is wrong, for people; empty while nothing is."""
-        if self.fits:
-            return ""
+        if self._moves_as_one:
+            return self.audit.complaint if self.audit else ""
         alone, together = self.errors
         without = f", though well without {self.odd_view}" if self.odd_view else ""
         return (
@@ -101,10 +109,10 @@ class RigCheck:
 
     @property
     def remark(self) -> str:
-        """What a view shows that is not the rig's fault, for people; empty where nothing is."""
-        if not self.moves_by_itself:
-            return ""
-        return f"the view {self.odd_view} moves by itself: someone walks before it, or it stands still"
+        """What the rig need not be blamed for but people should know; empty where nothing is."""
+        if self.moves_by_itself:
+            return f"the view {self.odd_view} moves by itself: someone walks before it, or it stands still"
+        return self.audit.remark if self.audit else ""
 
     def offer(self, frame: Frame) -> None:
         """Take the next frame; every few frames it is compared with the one before."""

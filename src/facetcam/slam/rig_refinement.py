@@ -58,11 +58,11 @@ def refine_rig(map: Map, optics: Optics, adjuster: Adjuster, pixel_sigma: float)
     before = optics.rig.covariance or tolerance(optics.rig)
     sigma = np.sqrt(np.diag(before.matrix))
     shift, rig = np.zeros(len(sigma)), replace(optics.rig, covariance=before)
-    prior = np.linalg.inv(before.matrix / np.outer(sigma, sigma) + 1e-9 * np.eye(len(sigma)))
     for _ in range(_ROUNDS):
-        H, gradient = _rig_equations(adjuster.whole() or whole, optics, pixel_sigma, rig.covariance or before)
+        known = rig.covariance or before
+        H, gradient, prior = rig_equations(adjuster.whole() or whole, optics, pixel_sigma, known)
         step = -np.linalg.solve(H + prior, gradient + prior @ shift)
-        rig, shift = moved(rig, rig.covariance or before, sigma * step), shift + step
+        rig, shift = moved(rig, known, sigma * step), shift + step
         _take_up(map, optics, rig)
         adjuster.adjust_all(last=True)
         if np.abs(step).max() < _SMALL_STEP:
@@ -74,10 +74,17 @@ def refine_rig(map: Map, optics: Optics, adjuster: Adjuster, pixel_sigma: float)
     return RigRefinement(rig, before, shift)
 
 
-def _rig_equations(
+def rig_equations(
     whole: Bundle, optics: Optics, pixel_sigma: float, known: RigCovariance
-) -> tuple[Array, Array]:
-    """Information (R, R) and gradient (R,) of the rig's numbers with points and poses eliminated."""
+) -> tuple[Array, Array, Array]:
+    """Equations of the rig's numbers in standard deviations, with points and poses eliminated.
+
+    Returns
+    -------
+    information, gradient : (R, R), (R,) arrays
+    prior : (R, R) array
+        Information of what is known of them.
+    """
     if whole.nuisances is not None and "cx" in known.parameters:
         whole.nuisances = whole.nuisances.of_readout()
     found = information(whole, optics, pixel_sigma, known)
@@ -86,7 +93,9 @@ def _rig_equations(
     spread = vectors[:, seen] / np.sqrt(values[seen])
     through = spread.T @ found.joint[6:]
     H = found.rig - through.T @ through
-    return 0.5 * (H + H.T), found.rig_gradient - through.T @ (spread.T @ found.pose_gradient[6:])
+    sigma = np.sqrt(np.diag(known.matrix))
+    prior = np.linalg.inv(known.matrix / np.outer(sigma, sigma) + 1e-9 * np.eye(len(sigma)))
+    return 0.5 * (H + H.T), found.rig_gradient - through.T @ (spread.T @ found.pose_gradient[6:]), prior
 
 
 def _take_up(map: Map, optics: Optics, rig: Rig) -> None:
