@@ -93,6 +93,14 @@ def likely_cause(frames: int, map_path: Path | None = None) -> str:
     return "is it dark or blank, does the camera stand still, is this its rig?"
 
 
+def drawn_row(summary: Summary) -> list[tuple[str, str]]:
+    """What the scale rests on where the rig's file was taken as exact."""
+    if not (summary.metric and summary.drawn_scale_sigma):
+        return []
+    drawn = f"± {100 * summary.drawn_scale_sigma:.2g} %: facetcam calibrate measures it"
+    return [("  if the rig is a drawing", drawn)]
+
+
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The run in a few lines."""
     sigma = f"± {100 * summary.scale_sigma:.2g} %" if summary.scale_sigma is not None else "unknown"
@@ -100,6 +108,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         ("frames", f"{summary.frames}"),
         ("tracked", f"{summary.tracked} ({summary.tracked_percent:g} %)"),
         ("scale", f"{'METRIC' if summary.metric else 'NOT METRIC'} ({sigma})"),
+        *drawn_row(summary),
         ("path length", f"{summary.path_length:.2f} {'m' if summary.metric else 'units of the map'}"),
         ("keyframes, map points", f"{summary.keyframes}, {summary.map_points}"),
         ("speed", f"{summary.frames_per_second:.1f} frames/s, decoding included"),

@@ -80,7 +80,7 @@ def summarise(
     """The run in numbers."""
     warnings = [*inputs.source.warnings, *doubts(slam, inputs)]
     warnings += drop_warning(record, slam.dropped, inputs.source.live)
-    errors = None
+    audit, errors = slam.rig_check.audit, None
     if inputs.truth is not None:
         try:
             errors = evaluation.evaluate(path, inputs.truth, ALIGNED_WITHIN)
@@ -94,7 +94,8 @@ def summarise(
         tracked=count_tracked(record, path[0]),
         statuses=dict(Counter(note.status.value for note in record.notes)),
         metric=slam.metric,
-        scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
+        scale_sigma=_finite(slam.scale_sigma),
+        drawn_scale_sigma=_finite(None if audit is None else audit.drawn_sigma),
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
@@ -110,6 +111,10 @@ def summarise(
         errors=errors,
         interrupted=interrupted,
     )
+
+
+def _finite(sigma: float | None) -> float | None:
+    return sigma if sigma is not None and np.isfinite(sigma) else None
 
 
 def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:

@@ -17,6 +17,7 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.relocalisation import Relocaliser
 from facetcam.slam.resuming import Resumer
+from facetcam.slam.rig_audit import audit_rig
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.tracking import Tracker
@@ -42,6 +43,11 @@ class Parts:
     def metric(self) -> bool:
         """True where the images prove the scale of the map, and do not deny the rig that it comes from."""
         return self.grower.metric and (self.rig_check.fits or self.rig_check.refined)
+
+    def audit_rig(self, pixel_sigma: float) -> None:
+        """Ask a map that is sure of its scale whether it bears out the rig."""
+        if self.grower.metric:
+            self.rig_check.audit = audit_rig(self.optics, self.adjuster, pixel_sigma)
 
     @classmethod
     def assemble(cls, rig: Rig, config: SlamConfig, front_end: FrontEnd = SiicfFeatures) -> Self:

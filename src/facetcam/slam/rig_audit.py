@@ -29,15 +29,13 @@ class RigAudit:
         (`facetcam.rig.freedom.tolerance`).
     gain : float
         Root of the chi square by which the moved rig explains them better.
-    scale_sigma : float
-        Relative standard deviation of the scale, for a rig that counts as exact or is as its covariance says.
     drawn_sigma : float or None
-        The same for a rig built with care after its drawing; None for one with a covariance of its own.
+        Relative standard deviation of the scale if the rig was built with care after its drawing, where its
+        file counts as exact; None for a rig with a covariance of its own.
     """
 
     moved: dict[str, float]
     gain: float
-    scale_sigma: float
     drawn_sigma: float | None
 
     @property
@@ -61,20 +59,8 @@ class RigAudit:
             " proven; calibrate the rig (facetcam calibrate), or refine it with the map (--refine-rig)"
         )
 
-    @property
-    def remark(self) -> str:
-        """What the metre rests on where nobody has measured the rig, for people; empty for one that is."""
-        if self.drawn_sigma is None or self.denies:
-            return ""
-        drawn = f"± {100.0 * self.drawn_sigma:.2g} %" if self.drawn_sigma < 1.0 else "anything"
-        return (
-            "the rig's file gives no covariance: the scale is"
-            f" ± {100.0 * self.scale_sigma:.2g} % if the file is exact, {drawn} if it is a drawing that was"
-            " built with care (facetcam calibrate measures the rig)"
-        )
 
-
-def audit_rig(optics: Optics, adjuster: Adjuster, pixel_sigma: float, scale_sigma: float) -> RigAudit | None:
+def audit_rig(optics: Optics, adjuster: Adjuster, pixel_sigma: float) -> RigAudit | None:
     """Ask what rig a map wants, by one Gauss-Newton step that leaves all as it is; None without a map."""
     whole = adjuster.whole()
     if whole is None:
@@ -88,4 +74,4 @@ def audit_rig(optics: Optics, adjuster: Adjuster, pixel_sigma: float, scale_sigm
     step = -np.linalg.solve(H + prior, gradient)
     moved = {name: float(s) for name, s in zip(built.parameters, step)}
     gain = math.sqrt(max(-float(gradient @ step), 0.0))
-    return RigAudit(moved, gain, scale_sigma, drawn_sigma)
+    return RigAudit(moved, gain, drawn_sigma)

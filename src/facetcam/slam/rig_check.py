@@ -109,10 +109,10 @@ class RigCheck:
 
     @property
     def remark(self) -> str:
-        """What the rig need not be blamed for but people should know; empty where nothing is."""
-        if self.moves_by_itself:
-            return f"the view {self.odd_view} moves by itself: someone walks before it, or it stands still"
-        return self.audit.remark if self.audit else ""
+        """What a view shows that is not the rig's fault, for people; empty where nothing is."""
+        if not self.moves_by_itself:
+            return ""
+        return f"the view {self.odd_view} moves by itself: someone walks before it, or it stands still"
 
     def offer(self, frame: Frame) -> None:
         """Take the next frame; every few frames it is compared with the one before."""

@@ -19,7 +19,6 @@ from facetcam.slam.main_loop import MainLoop
 from facetcam.slam.map_file import MapHeader
 from facetcam.slam.motion import Motion
 from facetcam.slam.parts import Parts
-from facetcam.slam.rig_audit import audit_rig
 from facetcam.slam.rig_refinement import RigRefinement, refine_rig
 from facetcam.slam.state import State, Status
 from facetcam.slam.stopwatch import Stopwatch
@@ -155,7 +154,7 @@ class Slam:
                 return
             self._grower.adjust_all(last=True)
             if not self.config.refine_rig:
-                self._audit_rig()
+                self._parts.audit_rig(self.config.pixel_sigma)
             self._wheels.conclude()
             if self.config.refine_rig:
                 self._refine_rig()
@@ -163,11 +162,6 @@ class Slam:
                 trajectory, sigma = self._motion.trajectory, self.config.pixel_sigma
                 trajectory.solve_again(self._map, self._parts.optics, sigma)
                 trajectory.close_gaps()
-
-    def _audit_rig(self) -> None:
-        if self._grower.metric:
-            parts, sigma = self._parts, self.config.pixel_sigma
-            self.rig_check.audit = audit_rig(parts.optics, parts.adjuster, sigma, self.scale_sigma)
 
     def _refine_rig(self) -> None:
         parts = self._parts
