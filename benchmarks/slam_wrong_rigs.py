@@ -80,10 +80,11 @@ def main() -> None:
     argparse.ArgumentParser(description=__doc__).parse_args()
     data, rows = data_folder(), []
     with tempfile.TemporaryDirectory() as folder:
-        for name, rig in wrong_rigs(Rig.load(data / HOUSE)):
-            rig.save(Path(folder) / "rig.yaml")
+        for number, (name, rig) in enumerate(wrong_rigs(Rig.load(data / HOUSE))):
+            file = Path(folder) / f"rig_{number}.yaml"
+            rig.save(file)
             for wheels in (False, True):
-                rows.append(measure(name, Path(folder) / "rig.yaml", data, wheels))
+                rows.append(measure(name, file, data, wheels))
                 print(*rows[-1], sep=" | ", flush=True)
     show("loop.mp4 with wrong rig files", COLUMNS, rows)
 
