@@ -29,7 +29,7 @@ class FakeSlam:
     rig_refinement = None
     nuisances = np.zeros(3)
     given_up: tuple[float, ...] = ()
-    rig_check = SimpleNamespace(complaint="", remark="")
+    rig_check = SimpleNamespace(complaint="", remark="", audit=None)
     grown = False
     loops = 0
     odometry_check = SimpleNamespace(complaint="", offset=None)
