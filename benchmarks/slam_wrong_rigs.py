@@ -46,12 +46,12 @@ def _with(rig: Rig, number: str, off: float) -> Rig:
     return replace(moved(rig, known, step), covariance=None)
 
 
-def measure(name: str, rig: Path, data: Path, wheels: bool) -> list[str]:
+def measure(name: str, rig: Path, data: Path, wheels: bool, more: list[str]) -> list[str]:
     """One row of the table; a run that fails says its own line there."""
     run, used = replace(_FILM, rig=str(rig), odometry=_WHEELS if wheels else ""), "yes" if wheels else "no"
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        done = subprocess.run(run.command(data, out), capture_output=True, text=True)
+        done = subprocess.run(run.command(data, out) + more, capture_output=True, text=True)
         if done.returncode:
             return [
                 name,
@@ -77,16 +77,18 @@ def measure(name: str, rig: Path, data: Path, wheels: bool) -> list[str]:
 
 
 def main() -> None:
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--refine-rig", action="store_true", help="let the rig's numbers move at the end")
+    more = ["--refine-rig"] if parser.parse_args().refine_rig else []
     data, rows = data_folder(), []
     with tempfile.TemporaryDirectory() as folder:
         for number, (name, rig) in enumerate(wrong_rigs(Rig.load(data / HOUSE))):
             file = Path(folder) / f"rig_{number}.yaml"
             rig.save(file)
             for wheels in (False, True):
-                rows.append(measure(name, file, data, wheels))
+                rows.append(measure(name, file, data, wheels, more))
                 print(*rows[-1], sep=" | ", flush=True)
-    show("loop.mp4 with wrong rig files", COLUMNS, rows)
+    show(" ".join(["loop.mp4 with wrong rig files", *more]), COLUMNS, rows)
 
 
 if __name__ == "__main__":
