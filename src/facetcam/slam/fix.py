@@ -76,13 +76,14 @@ class Fix:
 
 def likelier(near: Fix | None, other: Fix | None) -> Fix | None:
     """The better one, but for look-alikes elsewhere: a likely pose where the rig should be needs no other."""
-    elsewhere = near is not None and other is not None and near.likely and not _beside(near, other)
+    elsewhere = near is not None and other is not None and near.likely and not beside(near, other)
     return near if elsewhere else better(near, other)
 
 
-def _beside(a: Fix, b: Fix) -> bool:
+def beside(a: Fix, b: Fix, within: tuple[float, float] = BESIDE) -> bool:
+    """Tell whether two poses are one, `within` radians and metres."""
     turn, way = np.linalg.norm(se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig).reshape(2, 3), axis=1)
-    return bool(turn < BESIDE[0] and way < BESIDE[1])
+    return bool(turn < within[0] and way < within[1])
 
 
 def better(a: Fix | None, b: Fix | None) -> Fix | None:

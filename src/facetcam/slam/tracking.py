@@ -11,7 +11,7 @@ from facetcam.features import match_windowed
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import refuting_motion
-from facetcam.slam.fix import Fix, better, likelier
+from facetcam.slam.fix import Fix, beside, better, likelier
 from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map, Points
@@ -28,6 +28,7 @@ Index = NDArray[np.int64]
 _NEAR_KEYFRAMES = 10
 _WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
 _AT_REST = np.zeros(6)
+_SAME = (0.003, 0.01)  # radians and metres by which one pose may come out differently
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 
 
@@ -67,7 +68,7 @@ class Tracker:
             best = better(best, self.locate(frame, T_world_rig, velocity=velocity))
             if best is not None and best.sure:
                 return best
-        best = better(best, self._followed(frame, velocity, *predicted[:1]))
+        best = self._or_followed(best, frame, velocity, *predicted[:1])
         if best is not None and best.clear:
             return best
         if best is None:
@@ -130,6 +131,16 @@ class Tracker:
             return None
         fix = Fix(pose, expected, seen.take(fits))
         return fix if fix.borne_out else None
+
+    def _or_followed(self, near: Fix | None, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
+        """Of a pose near its prediction and the one to which points have moved, that with which more agrees.
+
+        From a prediction patches miss some of what is there; so where the two differ it gets a second look.
+        """
+        moved = self._followed(frame, velocity, *predicted)
+        if near is not None and moved is not None and not beside(near, moved, _SAME):
+            near = better(near, self.locate(frame, near.T_world_rig, velocity=velocity))
+        return better(near, moved)
 
     def _followed(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose to which the points of the frame before have moved."""
