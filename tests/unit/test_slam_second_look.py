@@ -1,0 +1,56 @@
+"""A right pose sought from a little beside it, against a wrong one to which more points have moved."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.geometry import se3
+from facetcam.slam.fix import Fix
+from facetcam.slam.frame import Frame
+from facetcam.slam.measure import Measurements, Predictions
+from facetcam.slam.pose import Pose
+from facetcam.slam.tracking import Tracker
+
+Array = NDArray[np.float64]
+
+RIGHT = np.eye(4)
+PREDICTED, WRONG = (se3.exp([0.0, turn, 0.0, way, 0.0, 0.0]) for turn, way in ((0.003, 0.005), (0.016, 0.02)))
+
+
+def fix(T: Array, found: int, residual: float) -> Fix:
+    point, view, two = np.arange(found), np.zeros(found, np.int8), np.zeros((found, 2))
+    expected = Predictions(np.arange(220), np.zeros(220, np.int8), np.zeros((220, 2)), np.zeros((220, 2, 2)))
+    return Fix(Pose(T, np.eye(6), np.full(found, residual)), expected, Measurements(point, view, two, two))
+
+
+class Scene(Tracker):
+    """Of the right pose patches find 150 points from beside it and 190 from itself, of the wrong one 180."""
+
+    def __init__(self, moved: Array) -> None:
+        self.looks: list[Array] = []
+        self._moved = moved
+
+    def locate(self, frame: Frame, predicted: Array, *_: object, **__: object) -> Fix:  # type: ignore[override]
+        self.looks.append(predicted)
+        return fix(RIGHT, 190 if np.allclose(predicted, RIGHT) else 150, 0.3)
+
+    def _followed(self, *_: object) -> Fix:  # type: ignore[override]
+        return fix(self._moved, 180, 0.32)
+
+
+def test_the_right_pose_gets_a_second_look() -> None:
+    scene = Scene(WRONG)
+    found = scene._or_followed(fix(RIGHT, 150, 0.3), cast(Frame, None), np.zeros(6), PREDICTED)
+    assert found is not None
+    np.testing.assert_allclose(found.T_world_rig, RIGHT)
+    assert len(found.seen) == 190
+
+
+def test_poses_that_agree_need_none() -> None:
+    scene = Scene(RIGHT @ se3.exp([0.0, 0.001, 0.0, 0.001, 0.0, 0.0]))
+    found = scene._or_followed(fix(RIGHT, 150, 0.3), cast(Frame, None), np.zeros(6), PREDICTED)
+    assert found is not None and len(found.seen) == 180
+    assert not scene.looks
