@@ -139,7 +139,9 @@ class Tracker:
         """
         moved = self._followed(frame, velocity, *predicted)
         if near is not None and moved is not None and not beside(near, moved, _SAME):
-            near = better(near, self.locate(frame, near.T_world_rig, velocity=velocity))
+            near, moved = (
+                better(fix, self.locate(frame, fix.T_world_rig, velocity=velocity)) for fix in (near, moved)
+            )
         return better(near, moved)
 
     def _followed(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
