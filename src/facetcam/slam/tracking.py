@@ -60,20 +60,21 @@ class Tracker:
         `velocity` is the right-hand twist (6,) a second while the shutter rolls.
 
         Where patches agree poorly the last frame's points are followed by their flow, more of the map is
-        tried, and the descriptors are asked too, first near the prediction, then at the places of the map
-        that look like the frame.
+        tried from the best pose, and the descriptors are asked too, first near the prediction, then at the
+        places of the map that look like the frame.
         """
         best = None
         for T_world_rig in predicted:
             best = better(best, self.locate(frame, T_world_rig, velocity=velocity))
             if best is not None and best.sure:
                 return best
-        best = self._or_followed(best, frame, velocity, *predicted[:1])
+        moved = self._followed(frame, *predicted[:1])
+        best = self._or_moved(best, moved, frame, velocity)
         if best is not None and best.clear:
             return best
-        if best is None:
-            for T_world_rig in predicted:
-                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
+        tried = predicted + (() if moved is None else (moved,)) if best is None else (best.T_world_rig,)
+        for T_world_rig in tried:
+            best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
         return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
     def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
@@ -132,29 +133,27 @@ class Tracker:
         fix = Fix(pose, expected, seen.take(fits))
         return fix if fix.borne_out else None
 
-    def _or_followed(self, near: Fix | None, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
+    def _or_moved(self, near: Fix | None, moved: Array | None, frame: Frame, velocity: Array) -> Fix | None:
         """Of a pose near its prediction and the one to which points have moved, that with which more agrees.
 
-        From a prediction patches miss some of what is there; so where the two differ it gets a second look.
+        From a prediction patches miss some of what is there; so where the two differ both get a second look.
         """
-        moved = self._followed(frame, velocity, *predicted)
-        if near is not None and moved is not None and not beside(near, moved, _SAME):
-            near, moved = (
-                better(fix, self.locate(frame, fix.T_world_rig, velocity=velocity)) for fix in (near, moved)
+        other = None if moved is None else self.locate(frame, moved, velocity=velocity)
+        if near is not None and other is not None and not beside(near, other, _SAME):
+            near, other = (
+                better(fix, self.locate(frame, fix.T_world_rig, velocity=velocity)) for fix in (near, other)
             )
-        return better(near, moved)
+        return better(near, other)
 
-    def _followed(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
+    def _followed(self, frame: Frame, *predicted: Array) -> Array | None:
         """Pose to which the points of the frame before have moved."""
         if not predicted or self._last is None:
             return None
         before, seen, points = self._last
         if points is not self._map.points:  # that map was forgotten
             return None
-        T = pose_by_flow(
-            before, seen, points.xyz[seen.point], frame, predicted[0], self._optics, self._config
-        )
-        return None if T is None else self.locate(frame, T, velocity=velocity)
+        xyz = points.xyz[seen.point]
+        return pose_by_flow(before, seen, xyz, frame, predicted[0], self._optics, self._config)
 
     def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
