@@ -29,28 +29,30 @@ def fix(T: Array, found: int, residual: float) -> Fix:
 class Scene(Tracker):
     """Of the right pose patches find 150 points from beside it and 190 from itself, of the wrong one 180."""
 
-    def __init__(self, moved: Array) -> None:
-        self.looks: list[Array] = []
-        self._moved = moved
+    def __init__(self) -> None:
+        self.looks = 0
 
     def locate(self, frame: Frame, predicted: Array, *_: object, **__: object) -> Fix:  # type: ignore[override]
-        self.looks.append(predicted)
+        self.looks += 1
+        if np.allclose(predicted, WRONG):
+            return fix(WRONG, 180, 0.32)
         return fix(RIGHT, 190 if np.allclose(predicted, RIGHT) else 150, 0.3)
 
-    def _followed(self, *_: object) -> Fix:  # type: ignore[override]
-        return fix(self._moved, 180, 0.32)
+    def chosen(self, moved: Array) -> Fix:
+        """Of what is found from a prediction beside the right pose, and where points have `moved`."""
+        frame = cast(Frame, None)
+        best = self._or_moved(self.locate(frame, PREDICTED), moved, frame, np.zeros(6))
+        assert best is not None
+        return best
 
 
 def test_the_right_pose_gets_a_second_look() -> None:
-    scene = Scene(WRONG)
-    found = scene._or_followed(fix(RIGHT, 150, 0.3), cast(Frame, None), np.zeros(6), PREDICTED)
-    assert found is not None
+    found = Scene().chosen(WRONG)
     np.testing.assert_allclose(found.T_world_rig, RIGHT)
     assert len(found.seen) == 190
 
 
 def test_poses_that_agree_need_none() -> None:
-    scene = Scene(RIGHT @ se3.exp([0.0, 0.001, 0.0, 0.001, 0.0, 0.0]))
-    found = scene._or_followed(fix(RIGHT, 150, 0.3), cast(Frame, None), np.zeros(6), PREDICTED)
-    assert found is not None and len(found.seen) == 180
-    assert not scene.looks
+    scene = Scene()
+    scene.chosen(RIGHT @ se3.exp([0.0, 0.001, 0.0, 0.001, 0.0, 0.0]))
+    assert scene.looks == 2
