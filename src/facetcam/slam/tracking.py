@@ -60,8 +60,8 @@ class Tracker:
         `velocity` is the right-hand twist (6,) a second while the shutter rolls.
 
         Where patches agree poorly the last frame's points are followed by their flow, more of the map is
-        tried from the best pose, and the descriptors are asked too, first near the prediction, then at the
-        places of the map that look like the frame.
+        tried, and the descriptors are asked too, first near the prediction, then at the places of the map
+        that look like the frame.
         """
         best = None
         for T_world_rig in predicted:
@@ -72,9 +72,9 @@ class Tracker:
         best = self._or_moved(best, moved, frame, velocity)
         if best is not None and best.clear:
             return best
-        tried = predicted + (() if moved is None else (moved,)) if best is None else (best.T_world_rig,)
-        for T_world_rig in tried:
-            best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
+        if best is None:
+            for T_world_rig in predicted:
+                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
         return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
     def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
