@@ -75,9 +75,15 @@ def live_error(states: Path, truth: Path) -> float:
     return ate(positions[own], poses[true, :3, 3], with_scale=False).rmse
 
 
-def row(name: str, summary: dict[str, Any], live: float) -> list[str]:
-    errors, sigma = summary["errors"], summary["scale_sigma"]
+def scale(summary: dict[str, Any]) -> str:
+    """What a run says of its scale."""
+    sigma = summary["scale_sigma"]
     known = "" if sigma is None else f" ± {100 * sigma:.2g} %"
+    return ("METRIC" if summary["metric"] else "NOT METRIC") + known
+
+
+def row(name: str, summary: dict[str, Any], live: float) -> list[str]:
+    errors = summary["errors"]
     return [
         name,
         str(summary["frames"]),
@@ -85,7 +91,7 @@ def row(name: str, summary: dict[str, Any], live: float) -> list[str]:
         f"{100 * errors['ate']['rmse']:.1f}" if errors else "no path",
         f"{100 * errors['ate_scaled']['rmse']:.1f}" if errors else "",
         f"{100 * live:.1f}",
-        ("METRIC" if summary["metric"] else "NOT METRIC") + known,
+        scale(summary),
         f"{summary['frames_per_second']:.1f}",
         f"{summary['peak_memory_mb']:.0f}",
     ]

@@ -22,7 +22,7 @@ from _rig_films import ELSEWHERE, FILMS, Film, render
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from slam import MAX_GAP, Run, live_error
+from slam import MAX_GAP, Run, live_error, scale
 
 from facetcam.evaluation.trajectory import associate
 from facetcam.geometry import se3
@@ -107,13 +107,12 @@ def figures(summary: dict[str, Any], out: Path, truth: Path) -> list[str]:
     if not errors:
         return [tracked, "no path"]
     judged = honesty(out / "states.csv", out / "map.facetmap", truth)
-    known = "" if sigma is None else f" ± {100 * sigma:.2g} %"
     return [
         tracked,
         f"{100 * errors['ate']['rmse']:.1f}",
         f"{100 * errors['ate_scaled']['rmse']:.1f}",
         f"{100 * live_error(out / 'states.csv', truth):.1f}",
-        ("METRIC" if summary["metric"] else "NOT METRIC") + known,
+        scale(summary),
         f"{100 * errors['scale_error']:+.2f} %",
         "" if sigma is None else f"{abs(errors['scale_error']) / sigma:.1f}",
         f"{100 * judged.within:.0f} %",

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 from _common import data_folder, show
-from slam import HOUSE, Run
+from slam import HOUSE, Run, scale
 
 from facetcam.rig import Rig
 from facetcam.rig.freedom import moved, tolerance
@@ -53,15 +53,9 @@ def measure(name: str, rig: Path, data: Path, wheels: bool, more: list[str]) -> 
         out = Path(folder) / "run"
         done = subprocess.run(run.command(data, out) + more, capture_output=True, text=True)
         if done.returncode:
-            return [
-                name,
-                used,
-                *[""] * 6,
-                done.stderr.strip().splitlines()[-1].removeprefix("facetcam: ")[:40],
-            ]
+            return [name, used, *[""] * 6, done.stderr.strip().splitlines()[-1][:50]]
         summary = json.loads((out / "summary.json").read_text())
-    errors, sigma, drawn = summary["errors"], summary["scale_sigma"], summary["drawn_scale_sigma"]
-    known = "" if sigma is None else f" ± {100 * sigma:.2g} %"
+    errors, drawn = summary["errors"], summary["drawn_scale_sigma"]
     denied = any("another rig" in warning for warning in summary["warnings"])
     return [
         name,
@@ -69,7 +63,7 @@ def measure(name: str, rig: Path, data: Path, wheels: bool, more: list[str]) -> 
         f"{100 * summary['tracked'] / summary['frames']:.0f} %",
         f"{100 * errors['ate']['rmse']:.1f}",
         f"{100 * errors['ate_scaled']['rmse']:.1f}",
-        ("METRIC" if summary["metric"] else "NOT METRIC") + known,
+        scale(summary),
         f"{100 * errors['scale_error']:+.2f} %",
         "" if drawn is None else f"± {100 * drawn:.2g} %",
         "another rig" if denied else "",

@@ -1,4 +1,4 @@
-"""The loop of the house with a lens that is wrong by one per cent: the metre is off by a multiple of that."""
+"""The loop of the house with a lens that is wrong by some per cent: the metre is off by more than that."""
 
 from __future__ import annotations
 

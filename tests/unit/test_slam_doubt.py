@@ -117,9 +117,8 @@ def test_wheels_that_tell_nonsense_silence_no_views(ryu: Optics, view: int) -> N
     pairs = world(ryu, [view], view)
     assert is_denied(pairs, ANOTHER, ryu, nonsense)
     assert not is_denied(pairs, MOTION, ryu, nonsense)
-    slightly = MOTION @ se3.exp(
-        [0.0, 0.0, 0.0, 0.06, 0.0, 0.06]
-    )  # fits more than half of the pairs of a view
+    # This one fits more than half of the pairs of a view.
+    slightly = MOTION @ se3.exp([0.0, 0.0, 0.0, 0.06, 0.0, 0.06])
     assert is_denied(pairs, slightly, ryu, nonsense) == is_denied(pairs, slightly, ryu)
 
 

@@ -95,10 +95,11 @@ def likely_cause(frames: int, map_path: Path | None = None) -> str:
 
 def drawn_row(summary: Summary) -> list[tuple[str, str]]:
     """What the scale rests on where the rig's file was taken as exact."""
-    if not (summary.metric and summary.drawn_scale_sigma):
+    sigma = summary.drawn_scale_sigma
+    if sigma is None or not summary.metric:
         return []
-    drawn = f"± {100 * summary.drawn_scale_sigma:.2g} %: facetcam calibrate measures it"
-    return [("  if the rig is a drawing", drawn)]
+    known = f"± {100 * sigma:.2g} %" if sigma < 1.0 else "unknown"
+    return [("  if the rig is a drawing", f"{known}: facetcam calibrate measures it")]
 
 
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:

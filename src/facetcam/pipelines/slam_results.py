@@ -94,8 +94,8 @@ def summarise(
         tracked=count_tracked(record, path[0]),
         statuses=dict(Counter(note.status.value for note in record.notes)),
         metric=slam.metric,
-        scale_sigma=_finite(slam.scale_sigma),
-        drawn_scale_sigma=_finite(None if audit is None else audit.drawn_sigma),
+        scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
+        drawn_scale_sigma=None if audit is None else audit.drawn_sigma,
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
@@ -111,10 +111,6 @@ def summarise(
         errors=errors,
         interrupted=interrupted,
     )
-
-
-def _finite(sigma: float | None) -> float | None:
-    return sigma if sigma is not None and np.isfinite(sigma) else None
 
 
 def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
