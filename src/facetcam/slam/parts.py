@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Self
 
+import numpy as np
+
 from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
@@ -42,7 +44,16 @@ class Parts:
     @property
     def metric(self) -> bool:
         """True where the images prove the scale of the map, and do not deny the rig that it comes from."""
-        return self.grower.metric and (self.rig_check.fits or self.rig_check.refined)
+        return self.grower.metric and self._rig_holds
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the scale, inf where the images cannot tell it or deny the rig."""
+        return self.grower.scale_sigma if self._rig_holds else np.inf
+
+    @property
+    def _rig_holds(self) -> bool:
+        return self.rig_check.fits or self.rig_check.refined
 
     def audit_rig(self, pixel_sigma: float) -> None:
         """Ask a map that is sure of its scale whether it bears out the rig."""

@@ -214,8 +214,8 @@ class Slam:
 
     @property
     def scale_sigma(self) -> float:
-        """Relative standard deviation of the map's scale, inf where the images cannot tell it."""
-        return self._grower.scale_sigma
+        """Relative sigma of the map's scale, inf where the images cannot tell it or deny the rig."""
+        return self._parts.scale_sigma
 
     @property
     def nuisances(self) -> Array:
