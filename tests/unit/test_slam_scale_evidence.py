@@ -91,6 +91,7 @@ def test_what_is_believed_of_a_scale_lies_between_what_map_and_test_know() -> No
     assert 0.004 < agreeing.tested(0.004) < 0.005
     assert 0.0001 < agreeing.tested(0.0001) < 0.0004  # noise alone is never all
     assert agreeing.tested(np.inf) == np.inf
+    assert replace(agreeing, stretch=0.014).tested(0.004) > 0.01  # more than noise explains
     assert replace(agreeing, stretch=0.016).tested(0.004) == np.inf
     assert replace(agreeing, stretch=0.016).tested(0.02) < 0.021  # it never knew better
 

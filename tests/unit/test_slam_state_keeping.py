@@ -175,6 +175,8 @@ def test_near_keyframes_and_their_living_points() -> None:
         world.keyframes[-1].observations.append(ids, np.zeros(3, np.int8), np.zeros((3, 2)), np.zeros((3, 2)))
     near = world.near(np.array([0.0, 0.0, 0.0]), 2)
     assert [k.index for k in near] == [1, 2]
+    assert [k.index for k in world.covisible(np.array([2, 3, 4]), world.keyframes)] == [2, 0, 1]
+    assert world.covisible(np.array([1]), near) == [near[0]]
     world.points.alive[3] = False
     assert world.observed_points(near).tolist() == [1, 2, 4, 5]
     world.clear()

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from facetcam.geometry import se3
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.information import typical_noise
 from facetcam.slam.map import HandedOver, Keyframe, Map, Observations
 from facetcam.slam.measure import measure
 from facetcam.slam.optics import Optics
@@ -28,10 +29,10 @@ Index = NDArray[np.int64]
 
 _FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 31))  # patches are drawn in over the steps between
 _FEW_FACTORS = _FACTORS[::3]
-_NEAR = 12  # keyframes before and after, whose points are sought
+_NEAR = 25  # keyframes before and after, whose points are sought
 _ONE_PLACE = 1.0  # px
 _LEAST_FINDS = 2  # scales from which a point must be found at its place
-_AHEAD = 10.0  # logarithm of how much likelier another scale must be before the map goes over to it
+_AHEAD = 5.0  # logarithm of how much likelier another scale must be before the map goes over to it
 
 
 class Handovers:
@@ -82,7 +83,7 @@ class Handovers:
         self.seek([k for k in self._map.keyframes if k.frame is not None])
         telling = self._telling()
         evidence = self._evidence(telling)
-        denied = abs(evidence.stretch) > np.hypot(3.0 * evidence.sigma, self._config.metric_sigma)
+        denied = abs(evidence.stretch) > 3.0 * evidence.sigma
         if not evidence.points or (denied and evidence.ahead < _AHEAD):
             return
         with self._map.lock:
@@ -109,7 +110,8 @@ class Handovers:
             point=np.searchsorted(ids, np.concatenate([s.point for s in sought])),
             plane=np.concatenate([self._plane(k, s) for k, s in zip(self._map.keyframes, sought)]),
         )
-        evidence = scale_evidence(whole, sightings, home, self._optics, self._config.pixel_sigma)
+        noise = typical_noise(whole, self._optics, self._config.pixel_sigma)
+        evidence = scale_evidence(whole, sightings, home, self._optics, noise)
         self.tell = bool(np.isfinite(evidence.sigma))
         return evidence
 

@@ -58,10 +58,8 @@ def information(
     """Reduce a bundle to its poses and, where `known` names them, the rig's numbers."""
     K, P, M = len(bundle.T_world_rig), len(bundle.points), len(bundle.frame)
     residual, J, by_point = linearise_all(bundle, bundle.points[bundle.point], optics)
-    weight = 1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2)
-    variance = float(np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum()))
-    # All measurements of a point come from one reference patch: they count as one, not as many.
-    root = np.sqrt(P / M * weight / max(variance, 1e-6))[:, None, None]
+    weight = _weights(residual, pixel_sigma)
+    root = np.sqrt(weight)[:, None, None] / max(_noise(residual, weight, M / P), 1e-3)
     by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, optics, known)
     R, own = by_rig.shape[2], bundle.nuisances
     if own is not None:
@@ -85,6 +83,26 @@ def information(
         rig_gradient=rig_gradient[:R] - w @ np.linalg.solve(h, g),
         nuisances=Eliminated(u, h, g),
     )
+
+
+def typical_noise(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
+    """Pixels by which the measurements of a bundle would err, were those of a point independent."""
+    residual, _ = linearise_points(bundle, bundle.points[bundle.point], optics)
+    sightings = len(bundle.frame) / len(bundle.points)
+    return _noise(residual, _weights(residual, pixel_sigma), sightings)
+
+
+def _weights(residual: Array, pixel_sigma: float) -> Array:
+    return np.asarray(1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2))
+
+
+def _noise(residual: Array, weight: Array, sightings: float) -> float:
+    """Standard deviation of residuals (M, 2) with robust weights, of so many sightings of each point.
+
+    All measurements of a point come from one reference patch: they count as one, not as many.
+    """
+    squared = np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum())
+    return float(np.sqrt(sightings * squared))
 
 
 def _across(bundle: Bundle) -> Array:

@@ -203,6 +203,14 @@ class Map:
             seen[keyframe.observations.point] = True
         return np.flatnonzero(seen & self.points.alive)
 
+    def covisible(self, points: Index, keyframes: list[Keyframe]) -> list[Keyframe]:
+        """Those of the keyframes that saw any of these points, the one that saw most of them first."""
+        wanted = np.zeros(len(self.points), dtype=bool)
+        wanted[points] = True
+        shared = np.array([np.count_nonzero(wanted[k.observations.point]) for k in keyframes])
+        order = np.argsort(-shared, kind="stable")
+        return [keyframes[i] for i in order if shared[i]]
+
     def near(self, position: Array, count: int) -> list[Keyframe]:
         """The keyframes whose rig stood nearest to a world position."""
         if not self.keyframes:

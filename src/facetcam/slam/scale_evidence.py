@@ -21,8 +21,9 @@ _BY_CHANCE = 0.3  # share of the sightings that may be of something else
 _UNLIKE_CHANCE = 5.0  # logarithm of how much likelier the sightings must be than such by chance
 _LEAST_POINTS = 8
 _GRID = np.linspace(-LARGEST, LARGEST, 1401)
-_ALIKE = 0.02  # stretches that are taken for one
+_ALIKE = 0.005  # stretches that are taken for one
 _WITHIN = 3.0  # sigmas
+_BY_NOISE = 1.5  # sigmas by which map and test may differ before it counts as an error of the scale
 _SHARED = 3.0  # standard deviations of the noise that errors which many sightings share may be large
 _STEPS = 4
 _TINY = 1e-6  # of a point's largest information, which holds what its view cannot tell
@@ -59,13 +60,16 @@ class Evidence:
         """Standard deviation of a scale after this test: inf where it denies the scale, or cannot tell.
 
         What a map knows of its own scale counts noise alone. Errors that its sightings share may be some
-        times as large, so far as the test, or an earlier one, has not found the scale to be right.
+        times as large, so far as the test, or an earlier one, has not found the scale to be right; what the
+        two differ by beyond noise is one.
         """
         told = min(self.sigma, earlier)
-        if not (np.isfinite(told) and abs(self.stretch) < _WITHIN * np.hypot(scale_sigma, told)):
+        expected = np.hypot(scale_sigma, told)
+        if not (np.isfinite(told) and abs(self.stretch) < _WITHIN * expected):
             return np.inf
         shared = 1.0 / np.hypot(1.0 / told, 1.0 / (_SHARED * scale_sigma))
-        return float(np.hypot(scale_sigma, shared))
+        unexplained = max(self.stretch**2 - (_BY_NOISE * expected) ** 2, 0.0)
+        return float(np.sqrt(scale_sigma**2 + shared**2 + unexplained))
 
 
 def scale_evidence(

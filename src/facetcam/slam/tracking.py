@@ -28,6 +28,7 @@ Index = NDArray[np.int64]
 _NEAR_KEYFRAMES = 10
 _WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
 _AT_REST = np.zeros(6)
+_NONE = np.empty(0, np.int64)
 _SAME = (0.003, 0.01)  # radians and metres by which one pose may come out differently
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 
@@ -110,18 +111,33 @@ class Tracker:
         near |= {k.index: k for k in self._map.keyframes[-self._config.window :]}
         return self._map.observed_points(list(near.values()))
 
+    def _points_in_sight(self, T_world_rig: Array) -> Index:
+        """Points of the keyframes around that saw most of what the last frame has seen.
+
+        What one view has left behind enters another much later, far from where it was mapped.
+        """
+        if self._last is None or self._last[2] is not self._map.points:
+            return _NONE
+        around = self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES)
+        return self._map.observed_points(self._map.covisible(self._last[1].point, around)[:_NEAR_KEYFRAMES])
+
     def _wide_points(self, T_world_rig: Array) -> Index:
         return self._map.observed_points(self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES))
 
     def locate(
         self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = _AT_REST
     ) -> Fix | None:
-        """Pose from map points, or some of them, whose patches are aligned near their predictions."""
+        """Pose from map points, or some of them, whose patches are aligned near their predictions.
+
+        Points from farther away may be hidden by now: only those that are found count as expected.
+        """
         points, config = self._map.points, self._config
-        ids = self._local_points(predicted) if ids is None else ids
-        expected = predict(points, ids, predicted, self._optics)
+        near = self._local_points(predicted) if ids is None else ids
+        far = self._points_in_sight(predicted) if ids is None else _NONE
+        expected = predict(points, np.union1d(near, far), predicted, self._optics)
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
-        seen, _ = measure(frame, expected, points, self._optics, config)
+        seen, found = measure(frame, expected, points, self._optics, config)
+        expected = expected.take(found | np.isin(expected.point, near))
         if len(seen) < config.min_inliers:
             return None
         xyz, readout = points.xyz[seen.point], self._map.readout

@@ -1,0 +1,89 @@
+"""Points mapped far away: sought where others of their keyframes were seen last, and missed without harm."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from slam_worlds import single
+
+from facetcam.geometry import se3
+from facetcam.slam import tracking
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.frame import CornerFinder, Corners, Frame
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measure import Measurements, Predictions
+from facetcam.slam.optics import Optics
+from facetcam.slam.pose import Pose
+from facetcam.slam.relocalisation import Relocaliser
+from facetcam.slam.tracking import Tracker
+
+KEYFRAMES, POINTS = 30, 40  # of each keyframe, none of them shared
+HERE = se3.exp([0.0, 0.0, 0.0, 0.2 * KEYFRAMES, 0.0, 0.0])
+FIRST, LAST = np.arange(POINTS), np.arange(POINTS) + POINTS * (KEYFRAMES - 1)
+
+
+def street() -> Map:
+    """A map of keyframes one behind the other."""
+    world, none = Map(), np.empty((0, 2))
+    world.points.extend(xyz=np.zeros((KEYFRAMES * POINTS, 3)))
+    for k in range(KEYFRAMES):
+        corners = Corners(none, np.empty(0, np.int8), none, np.empty((0, 32), np.uint8))
+        T = se3.exp([0.0, 0.0, 0.0, 0.2 * k, 0.0, 0.0])
+        world.keyframes.append(Keyframe(k, float(k), T, corners, None, None))
+        world.keyframes[-1].observations.append(*rows(np.arange(POINTS) + POINTS * k))
+    return world
+
+
+def rows(ids: np.ndarray) -> tuple[Any, ...]:
+    return ids, np.zeros(len(ids), np.int8), np.zeros((len(ids), 2)), np.zeros((len(ids), 2))
+
+
+def tracker(world: Map, seen_last: np.ndarray) -> Tracker:
+    parts = cast(CornerFinder, None), cast(Relocaliser, None)
+    found = Tracker(world, Optics(single(), 8.0), SlamConfig(), *parts)
+    found._last = (cast(Frame, None), Measurements(*rows(seen_last)), world.points)
+    return found
+
+
+def found_of(
+    monkeypatch: pytest.MonkeyPatch, seen_last: np.ndarray, there: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points that are expected and seen from the end of the street, where only some are `there`."""
+
+    def predict(_: object, ids: np.ndarray, *__: object) -> Predictions:
+        n = len(ids)
+        return Predictions(ids, np.zeros(n, np.int8), np.zeros((n, 2)), np.zeros((n, 2, 2)))
+
+    def measure(_: object, expected: Predictions, *__: object) -> tuple[Measurements, np.ndarray]:
+        hit = np.isin(expected.point, there)
+        return Measurements(*rows(expected.point[hit])), hit
+
+    def refine(T: np.ndarray, xyz: np.ndarray, *_: object) -> Pose:
+        return Pose(T, np.eye(6), np.full(len(xyz), 0.1))
+
+    for name, fake in (("predict", predict), ("measure", measure), ("refine_pose", refine)):
+        monkeypatch.setattr(tracking, name, fake)
+    fix = tracker(street(), seen_last).locate(cast(Frame, None), HERE)
+    assert fix is not None
+    return fix.predictions.point, fix.seen.point
+
+
+def test_what_another_view_sees_again_is_found_and_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected, seen = found_of(monkeypatch, seen_last=FIRST[:3], there=np.concatenate([FIRST, LAST]))
+    assert np.isin(FIRST, seen).all() and np.isin(FIRST, expected).all()
+
+
+def test_points_far_away_are_not_sought_where_none_of_their_keyframe_was_seen(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _, seen = found_of(monkeypatch, seen_last=LAST, there=np.concatenate([FIRST, LAST]))
+    assert not np.isin(FIRST, seen).any() and np.isin(LAST, seen).all()
+
+
+def test_hidden_points_count_as_missed_only_where_they_are_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected, seen = found_of(monkeypatch, seen_last=FIRST[:3], there=LAST)
+    assert not np.isin(FIRST, expected).any()
+    beside = LAST - POINTS
+    assert np.isin(beside, expected).all() and not np.isin(beside, seen).any()
