@@ -93,15 +93,6 @@ def likely_cause(frames: int, map_path: Path | None = None) -> str:
     return "is it dark or blank, does the camera stand still, is this its rig?"
 
 
-def drawn_row(summary: Summary) -> list[tuple[str, str]]:
-    """What the scale rests on where the rig's file was taken as exact."""
-    sigma = summary.drawn_scale_sigma
-    if sigma is None or not summary.metric:
-        return []
-    known = f"± {100 * sigma:.2g} %" if sigma < 1.0 else "unknown"
-    return [("  if the rig is a drawing", f"{known}: facetcam calibrate measures it")]
-
-
 def summary_rows(summary: Summary) -> list[tuple[str, str]]:
     """The run in a few lines."""
     sigma = f"± {100 * summary.scale_sigma:.2g} %" if summary.scale_sigma is not None else "unknown"
@@ -109,7 +100,7 @@ def summary_rows(summary: Summary) -> list[tuple[str, str]]:
         ("frames", f"{summary.frames}"),
         ("tracked", f"{summary.tracked} ({summary.tracked_percent:g} %)"),
         ("scale", f"{'METRIC' if summary.metric else 'NOT METRIC'} ({sigma})"),
-        *drawn_row(summary),
+        *((f"  {name}", value) for name, value in summary.if_drawn.items()),
         ("path length", f"{summary.path_length:.2f} {'m' if summary.metric else 'units of the map'}"),
         ("keyframes, map points", f"{summary.keyframes}, {summary.map_points}"),
         ("speed", f"{summary.frames_per_second:.1f} frames/s, decoding included"),

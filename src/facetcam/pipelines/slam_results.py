@@ -211,7 +211,7 @@ def facts(summary: Summary) -> dict[str, str]:
     }
     if summary.errors is not None:
         rows["scale error"] = f"{100 * summary.errors.scale_error:+.2f} %"
-    rows |= summary.corrections
+    rows |= summary.if_drawn | summary.corrections
     rows["loops closed"] = str(summary.loops)
     if summary.saved_map is not None:
         rows["map"] = str(summary.saved_map)

@@ -63,6 +63,15 @@ class Summary:
         return self.out / "report.html"
 
     @property
+    def if_drawn(self) -> dict[str, str]:
+        """What a METRIC scale is worth if the rig's file, which was taken as exact, is only a drawing."""
+        sigma = self.drawn_scale_sigma
+        if sigma is None or not self.metric:
+            return {}
+        known = f"± {100 * sigma:.2g} %" if sigma < 1.0 else "unknown"
+        return {"if the rig is a drawing": f"{known}: facetcam calibrate measures it"}
+
+    @property
     def corrections(self) -> dict[str, str]:
         """What was found of shutter and camera beyond the rig's file, and taken into account."""
         rows = {}

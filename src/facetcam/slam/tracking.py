@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _NEAR_KEYFRAMES = 10
-_WIDE_KEYFRAMES = 50  # for frames that show little of what the nearest ones saw
+_WIDE_KEYFRAMES = 50  # around, for frames that show little of what the nearest ones saw
 _AT_REST = np.zeros(6)
 _NONE = np.empty(0, np.int64)
 _SAME = (0.003, 0.01)  # radians and metres by which one pose may come out differently

@@ -1,4 +1,4 @@
-"""What the table of `facetcam slam` says of a scale that rests on a rig's drawing."""
+"""What a run says of a scale that rests on a rig's drawing."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from facetcam.cli.slam import drawn_row
 from facetcam.pipelines.summary import Summary
 
 
@@ -19,5 +18,5 @@ from facetcam.pipelines.summary import Summary
 def test_the_scale_of_a_drawing(metric: bool, sigma: float | None, said: str) -> None:
     """A rig that leaves nothing of the scale must not look like one that was calibrated."""
     summary = SimpleNamespace(metric=metric, drawn_scale_sigma=sigma)
-    rows = drawn_row(cast(Summary, summary))
-    assert [value.split(":")[0] for _, value in rows] == ([said] if said else [])
+    rows = Summary.if_drawn.fget(cast(Summary, summary))  # type: ignore[attr-defined]
+    assert [value.split(":")[0] for value in rows.values()] == ([said] if said else [])
