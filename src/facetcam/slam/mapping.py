@@ -13,11 +13,12 @@ from facetcam.slam.doubt import is_denied, views_aside
 from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.handovers import Handovers
+from facetcam.slam.joint_pose import joint_pose
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.odometry import planar_motion
 from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import match_corners
+from facetcam.slam.pairs import Pairs, match_corners
 from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
 
 Array = NDArray[np.float64]
@@ -114,17 +115,39 @@ class Mapper:
             keyframe.free &= distance > _OCCUPIED
 
     def _doubt(self, keyframe: Keyframe, others: list[Keyframe]) -> None:
-        """Corners of a view that contradicts the rig's motion since the last keyframe give no points."""
+        """Corners of a view that contradicts the rig's motion since the last keyframe give no points.
+
+        Where few points hold a pose it may as well be that one which is wrong.
+        """
         if not others:
             return
         last = others[-1]
         pairs = match_corners(last.corners, keyframe.corners, self._config)
-        T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
+        aside = self._views_aside(keyframe, last, pairs)
+        if len(aside):
+            aside = self._reconciled(keyframe, last, pairs, aside)
         wheels = None
         if last.odometry is not None and keyframe.odometry is not None:
             wheels = planar_motion(last.odometry, keyframe.odometry, 0.0)[0]
+        T_last_new = se3.inverse(last.T_world_rig) @ keyframe.T_world_rig
         self.denied = self._map.young and is_denied(pairs, T_last_new, self._optics, wheels)
-        keyframe.free &= ~np.isin(keyframe.corners.views, views_aside(pairs, T_last_new, self._optics))
+        keyframe.free &= ~np.isin(keyframe.corners.views, aside)
+
+    def _views_aside(self, keyframe: Keyframe, last: Keyframe, pairs: Pairs) -> Index:
+        return views_aside(pairs, se3.inverse(last.T_world_rig) @ keyframe.T_world_rig, self._optics)
+
+    def _reconciled(self, keyframe: Keyframe, last: Keyframe, pairs: Pairs, aside: Index) -> Index:
+        """Go over to the pose of points and corners together if fewer views contradict it; tells which do."""
+        before, seen = keyframe.T_world_rig, keyframe.observations
+        if not len(seen):
+            return aside
+        xyz, optics = self._map.points.xyz[seen.point], self._optics
+        keyframe.T_world_rig = joint_pose(last.T_world_rig, before, seen, xyz, pairs, optics, self._config)
+        left = self._views_aside(keyframe, last, pairs)
+        if len(left) < len(aside):
+            return left
+        keyframe.T_world_rig = before
+        return aside
 
     def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:
         """Match the free corners of two keyframes and add those whose rays meet as map points."""

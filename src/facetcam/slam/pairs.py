@@ -56,10 +56,13 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.views)
 
+    def take(self, rows: NDArray[np.generic]) -> Pairs:
+        """Some of the pairs."""
+        return Pairs(self.views[rows], self.plane_a[rows], self.plane_b[rows])
+
     def without(self, views: Index) -> Pairs:
         """The pairs of all other views."""
-        rows = ~np.isin(self.views, views)
-        return Pairs(self.views[rows], self.plane_a[rows], self.plane_b[rows]) if len(views) else self
+        return self.take(~np.isin(self.views, views)) if len(views) else self
 
     def move(self) -> NDArray[np.bool_]:
         """Pairs (N,) that are not at the same place in both frames."""

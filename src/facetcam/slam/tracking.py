@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ from facetcam.slam.doubt import refuting_motion
 from facetcam.slam.fix import Fix, beside, better, likelier
 from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
+from facetcam.slam.joint_pose import joint_pose
 from facetcam.slam.map import Keyframe, Map, Points
 from facetcam.slam.measure import Measurements, measure, predict, thin
 from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import match_corners
+from facetcam.slam.pairs import Pairs, match_corners
 from facetcam.slam.pose import generalized_pose, refine_pose
 from facetcam.slam.relocalisation import AGREEING, Relocaliser
 from facetcam.slam.shutter import at_one_moment
@@ -94,10 +96,18 @@ class Tracker:
         own, length = (float(np.linalg.norm(T[:3, 3])) for T in (T_last_new, another))
         another[:3, 3] *= own / max(length, 1e-9)  # lengths are what corners tell worst
         found = self.locate(frame, last.T_world_rig @ another, velocity=velocity)
-        if found is None:
-            return None
-        T_last_new = se3.inverse(last.T_world_rig) @ found.T_world_rig
-        return found if refuting_motion(pairs, T_last_new, self._optics) is None else None
+        for candidate in (found, self._leaning(fix, last, pairs)):
+            if candidate is not None:
+                T_last_new = se3.inverse(last.T_world_rig) @ candidate.T_world_rig
+                if refuting_motion(pairs, T_last_new, self._optics) is None:
+                    return candidate
+        return None
+
+    def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix:
+        """A fix at the pose that the corners of the last keyframe bear out, too."""
+        xyz = self._map.points.xyz[fix.seen.point]
+        T = joint_pose(last.T_world_rig, fix.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
+        return replace(fix, pose=replace(fix.pose, T_world_rig=T))
 
     def record(self, frame: Frame, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
