@@ -8,8 +8,13 @@ from numpy.typing import NDArray
 from slam_worlds import folded, in_sight, look, pyramid, spoiled, true_pairs
 
 from facetcam.geometry import se3
+from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.doubt import views_aside
+from facetcam.slam.frame import Corners
 from facetcam.slam.joint_pose import joint_pose
+from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
@@ -33,6 +38,29 @@ def few_points(optics: Optics, T: Array, rng: np.random.Generator, count: int) -
     xyz = points[seen.point[rows]]
     plane = seen.plane[rows] + rng.normal(0.0, 0.25, (len(rows), 2))
     return Measurements(np.arange(len(rows)), seen.view[rows], seen.pixels[rows], plane), xyz
+
+
+def together(*parts: Pairs) -> Pairs:
+    """All pairs of some."""
+    columns = zip(*((p.views, p.plane_a, p.plane_b) for p in parts))
+    return Pairs(*(np.concatenate(c) for c in columns))
+
+
+def doubted(
+    optics: Optics, T: Array, seen: Measurements, xyz: Array, pairs: Pairs, rng: np.random.Generator
+) -> Keyframe:
+    """A keyframe of a map of points `xyz`, after its corners were asked about its pose."""
+    looks, world = rng.integers(0, 256, (len(pairs), 32), np.uint8), Map()
+    world.points.extend(xyz=xyz)
+    for index, (pose, plane) in enumerate(((LAST, pairs.plane_a), (T, pairs.plane_b))):
+        corners = Corners(plane, pairs.views, plane, looks)
+        world.keyframes.append(Keyframe(index, 0.1 * index, pose, corners, None, None))
+    last, keyframe = world.keyframes
+    keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)
+    keyframe.free = np.ones(len(pairs), dtype=bool)
+    mapper = Mapper(world, optics, CONFIG, lambda frame: Corners.none(), Adjuster(world, optics, CONFIG))
+    mapper._doubt(keyframe, [last])
+    return keyframe
 
 
 def errors(T: Array, true: Array) -> tuple[float, float]:
@@ -73,9 +101,7 @@ def test_many_points_hold_their_pose(name: str) -> None:
     pairs = spoiled(true_pairs(optics, MOTION, rng, 400), optics, rng, 0.3, 0.5)
     lying = true_pairs(optics, MOTION @ se3.exp([0, 0, 0.03, 0.1, 0, 0]), rng, 400)
     lying = lying.take(lying.views == 1)
-    every = Pairs(
-        *(np.concatenate(c) for c in zip(*((p.views, p.plane_a, p.plane_b) for p in (pairs, lying))))
-    )
+    every = together(pairs, lying)
     before = errors(refine_pose(true, xyz, seen.view, plane, optics, CONFIG.pixel_sigma).T_world_rig, true)
     after = errors(joint_pose(LAST, true @ ASTRAY, seen, xyz, every, optics, CONFIG), true)
     assert after[0] < before[0] + 0.03
@@ -92,3 +118,31 @@ def test_without_corners_it_is_the_pose_of_the_points(name: str) -> None:
     turn, way = errors(T, true)
     assert turn < 0.02
     assert way < 0.1
+
+
+def test_a_view_that_contradicts_a_bent_pose_is_believed() -> None:
+    """The keyframe goes over to the pose that points and corners share, and the view gives points."""
+    optics, rng, true = EYES["folded"], np.random.default_rng(5), LAST @ MOTION
+    wrong = true @ ASTRAY
+    seen, xyz = few_points(optics, true, rng, 20)
+    pairs = spoiled(true_pairs(optics, MOTION, rng, 400), optics, rng, 0.1, 0.3)
+    bent = se3.transform(wrong @ se3.inverse(true), xyz)
+    assert len(views_aside(pairs, se3.inverse(LAST) @ wrong, optics))
+    keyframe = doubted(optics, wrong, seen, bent, pairs, rng)
+    assert errors(keyframe.T_world_rig, true)[0] < 0.6 * errors(wrong, true)[0]
+    assert keyframe.free.all()
+
+
+def test_a_view_that_lies_moves_no_keyframe() -> None:
+    """Images of another way, as people show them, are set aside where many points hold the pose."""
+    optics, rng, true = EYES["folded"], np.random.default_rng(6), LAST @ MOTION
+    points = in_sight(optics, true[None], rng, 600)
+    sight = look(optics, true, points)
+    pairs = true_pairs(optics, MOTION, rng, 400)
+    lying = true_pairs(optics, MOTION @ se3.exp([0, 0, 0.06, 0.2, 0, 0]), rng, 400)
+    honest, lying = pairs.take(pairs.views != 1), lying.take(lying.views == 1)
+    every = together(honest, lying)
+    seen = Measurements(sight.point, sight.view, sight.pixels, sight.plane)
+    keyframe = doubted(optics, true, seen, points, every, rng)
+    assert errors(keyframe.T_world_rig, true)[0] < 0.02
+    np.testing.assert_array_equal(keyframe.free, every.views != 1)
