@@ -4,10 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from facetcam.config import require_ranges
+
+# Ends between which each number has a meaning.
+_RANGES = {
+    "features": (50, 50_000),
+    "seam_margin": (0.0, 100.0),
+    "measured_points": (50, 50_000),
+    "min_inliers": (6, 1000),
+    "min_correlation": (0.0, 1.0),
+    "max_shift": (0.5, 50.0),
+    "pixel_sigma": (0.01, 10.0),
+    "gate": (0.1, 50.0),
+    "match_distance": (1, 256),
+    "match_ratio": (0.1, 1.0),
+    "search_radius": (0.001, 1.0),
+    "min_parallax": (0.0, 0.5),
+    "keyframe_parallax": (0.001, 10.0),
+    "keyframe_angle": (0.01, 3.2),
+    "keyframe_overlap": (0.0, 1.0),
+    "keyframe_points": (0, 100_000),
+    "window": (3, 100),
+    "odometry_sigma": (1e-4, 10.0),
+    "metric_sigma": (0.0, 1.0),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class SlamConfig:
     """Parameters of `Slam`.
+
+    Numbers beyond where they have a meaning raise `ConfigError`.
 
     Attributes
     ----------
@@ -78,3 +105,6 @@ class SlamConfig:
     metric_sigma: float = 0.02
     refine_rig: bool = False
     real_time: bool = False
+
+    def __post_init__(self) -> None:
+        require_ranges("settings of SLAM", self, **_RANGES)
