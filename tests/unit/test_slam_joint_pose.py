@@ -12,7 +12,7 @@ from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import views_aside
 from facetcam.slam.frame import Corners
-from facetcam.slam.joint_pose import joint_pose
+from facetcam.slam.joint_pose import agreed_pose, joint_pose
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
@@ -146,3 +146,13 @@ def test_a_view_that_lies_moves_no_keyframe() -> None:
     keyframe = doubted(optics, true, seen, points, every, rng)
     assert errors(keyframe.T_world_rig, true)[0] < 0.02
     np.testing.assert_array_equal(keyframe.free, every.views != 1)
+
+
+def test_one_view_alone_wins_no_pose() -> None:
+    """Where few points hold a pose, a view full of people must not draw it along."""
+    optics, rng, true = EYES["folded"], np.random.default_rng(6), LAST @ MOTION
+    seen, xyz = few_points(optics, true, rng, 20)
+    pairs = true_pairs(optics, MOTION, rng, 200)
+    lying = true_pairs(optics, MOTION @ ASTRAY @ ASTRAY, rng, 800)
+    every = together(pairs.take(pairs.views != 1), lying.take(lying.views == 1))
+    assert agreed_pose(LAST, true, seen, xyz, every, optics, CONFIG) is None

@@ -17,7 +17,29 @@ Array = NDArray[np.float64]
 
 _LOOSENESS = (8.0, 4.0, 2.0, 1.0, 1.0)  # of the losses, step by step
 _STEP = 1e-5  # of a twist, for derivatives
+_WON, _KEPT, _FEW = 1.1, 0.8, 3  # shares of what agreed with a pose, beyond a few, that must with another
+_WITNESSES = 2  # views
 _CORNERS = 2.0  # times as much as patches do corners err
+
+
+def agreed_pose(
+    T_world_last: Array,
+    T_world_rig: Array,
+    seen: Measurements | Observations,
+    xyz: Array,
+    pairs: Pairs,
+    optics: Optics,
+    config: SlamConfig,
+) -> Array | None:
+    """The pose of `joint_pose` if corners of two views or more are won by it, and nothing else is lost.
+
+    One view alone may be full of people, who would draw the pose along. Parameters are those of `joint_pose`.
+    """
+    data = (seen, xyz, pairs, optics, config)
+    T, T_last = joint_pose(T_world_last, T_world_rig, *data), se3.inverse(T_world_last)
+    before, after = (_agreeing(pose, T_last, *data) for pose in (T_world_rig, T))
+    won = after[:-1] > _WON * before[:-1] + _FEW
+    return T if won.sum() >= _WITNESSES and np.all(after >= _KEPT * before - _FEW) else None
 
 
 def joint_pose(
@@ -64,3 +86,19 @@ def joint_pose(
         g = np.einsum("n,nij,ni->j", w, J, residual) + slope.T @ (v * beside)
         T_world_rig = T_world_rig @ se3.exp(-np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(6), g))
     return np.asarray(T_world_rig)
+
+
+def _agreeing(
+    T_world_rig: Array,
+    T_last: Array,
+    seen: Measurements | Observations,
+    xyz: Array,
+    pairs: Pairs,
+    optics: Optics,
+    config: SlamConfig,
+) -> Array:
+    """How many points fit a pose, and how many corners of each view."""
+    residual, _ = linearise(T_world_rig, xyz, seen.view, seen.plane, optics)
+    points = np.count_nonzero(np.linalg.norm(residual, axis=1) < config.gate)
+    fits = pairs.views[pairs.fit(T_last @ T_world_rig, optics)]
+    return np.append(np.bincount(fits, minlength=optics.n_views), points)

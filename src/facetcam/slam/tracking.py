@@ -15,7 +15,7 @@ from facetcam.slam.doubt import refuting_motion
 from facetcam.slam.fix import Fix, beside, better, likelier
 from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
-from facetcam.slam.joint_pose import joint_pose
+from facetcam.slam.joint_pose import agreed_pose
 from facetcam.slam.map import Keyframe, Map, Points
 from facetcam.slam.measure import Measurements, measure, predict, thin
 from facetcam.slam.optics import Optics
@@ -103,11 +103,11 @@ class Tracker:
                     return candidate
         return None
 
-    def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix:
-        """A fix at the pose that the corners of the last keyframe bear out, too."""
+    def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix | None:
+        """A fix at the pose that the corners of the last keyframe bear out, too, if there is one."""
         xyz = self._map.points.xyz[fix.seen.point]
-        T = joint_pose(last.T_world_rig, fix.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
-        return replace(fix, pose=replace(fix.pose, T_world_rig=T))
+        T = agreed_pose(last.T_world_rig, fix.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
+        return None if T is None else replace(fix, pose=replace(fix.pose, T_world_rig=T))
 
     def record(self, frame: Frame, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
