@@ -12,7 +12,7 @@ from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import views_aside
 from facetcam.slam.frame import Corners
-from facetcam.slam.joint_pose import agreed_pose, joint_pose
+from facetcam.slam.joint_pose import JointSight
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
@@ -78,7 +78,7 @@ def test_corners_of_all_views_put_a_bent_pose_right(name: str, seed: int) -> Non
     seen, xyz = few_points(optics, true, rng, 20)
     bent = se3.transform(wrong @ se3.inverse(true), xyz)
     pairs = spoiled(true_pairs(optics, MOTION, rng, 250), optics, rng, 0.3, 0.5)
-    T = joint_pose(LAST, wrong, seen, bent, pairs, optics, CONFIG)
+    T = JointSight(LAST, seen, bent, pairs, optics, CONFIG).refined_pose(wrong)
     alone = errors(
         refine_pose(wrong, bent, seen.view, seen.plane, optics, CONFIG.pixel_sigma).T_world_rig, true
     )
@@ -103,7 +103,7 @@ def test_many_points_hold_their_pose(name: str) -> None:
     lying = lying.take(lying.views == 1)
     every = together(pairs, lying)
     before = errors(refine_pose(true, xyz, seen.view, plane, optics, CONFIG.pixel_sigma).T_world_rig, true)
-    after = errors(joint_pose(LAST, true @ ASTRAY, seen, xyz, every, optics, CONFIG), true)
+    after = errors(JointSight(LAST, seen, xyz, every, optics, CONFIG).refined_pose(true @ ASTRAY), true)
     assert after[0] < before[0] + 0.03
     assert after[1] < before[1] + 0.15
 
@@ -114,7 +114,7 @@ def test_without_corners_it_is_the_pose_of_the_points(name: str) -> None:
     points = in_sight(optics, true[None], rng, 300)
     sight = look(optics, true, points)
     seen = Measurements(sight.point, sight.view, sight.pixels, sight.plane)
-    T = joint_pose(LAST, true @ ASTRAY, seen, points[sight.point], Pairs.none(), optics, CONFIG)
+    T = JointSight(LAST, seen, points[sight.point], Pairs.none(), optics, CONFIG).refined_pose(true @ ASTRAY)
     turn, way = errors(T, true)
     assert turn < 0.02
     assert way < 0.1
@@ -155,4 +155,4 @@ def test_one_view_alone_wins_no_pose() -> None:
     pairs = true_pairs(optics, MOTION, rng, 200)
     lying = true_pairs(optics, MOTION @ ASTRAY @ ASTRAY, rng, 800)
     every = together(pairs.take(pairs.views != 1), lying.take(lying.views == 1))
-    assert agreed_pose(LAST, true, seen, xyz, every, optics, CONFIG) is None
+    assert JointSight(LAST, seen, xyz, every, optics, CONFIG).agreed_pose(true) is None

@@ -13,7 +13,7 @@ from facetcam.slam.doubt import is_denied, views_aside
 from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.handovers import Handovers
-from facetcam.slam.joint_pose import agreed_pose
+from facetcam.slam.joint_pose import JointSight
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.odometry import planar_motion
@@ -142,7 +142,7 @@ class Mapper:
         if not len(seen):
             return aside
         xyz, optics = self._map.points.xyz[seen.point], self._optics
-        T = agreed_pose(last.T_world_rig, before, seen, xyz, pairs, optics, self._config)
+        T = JointSight(last.T_world_rig, seen, xyz, pairs, optics, self._config).agreed_pose(before)
         if T is None:
             return aside
         keyframe.T_world_rig = T

@@ -15,7 +15,7 @@ from facetcam.slam.doubt import refuting_motion
 from facetcam.slam.fix import Fix, beside, better, likelier
 from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
-from facetcam.slam.joint_pose import agreed_pose
+from facetcam.slam.joint_pose import JointSight
 from facetcam.slam.map import Keyframe, Map, Points
 from facetcam.slam.measure import Measurements, measure, predict, thin
 from facetcam.slam.optics import Optics
@@ -106,7 +106,8 @@ class Tracker:
     def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix | None:
         """A fix at the pose that the corners of the last keyframe bear out, too, if there is one."""
         xyz = self._map.points.xyz[fix.seen.point]
-        T = agreed_pose(last.T_world_rig, fix.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
+        sight = JointSight(last.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
+        T = sight.agreed_pose(fix.T_world_rig)
         return None if T is None else replace(fix, pose=replace(fix.pose, T_world_rig=T))
 
     def record(self, frame: Frame, fix: Fix) -> None:
