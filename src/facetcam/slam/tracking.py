@@ -96,12 +96,14 @@ class Tracker:
         own, length = (float(np.linalg.norm(T[:3, 3])) for T in (T_last_new, another))
         another[:3, 3] *= own / max(length, 1e-9)  # lengths are what corners tell worst
         found = self.locate(frame, last.T_world_rig @ another, velocity=velocity)
-        for candidate in (found, self._leaning(fix, last, pairs)):
-            if candidate is not None:
-                T_last_new = se3.inverse(last.T_world_rig) @ candidate.T_world_rig
-                if refuting_motion(pairs, T_last_new, self._optics) is None:
-                    return candidate
-        return None
+        if found is not None and not self._refuted(found, last, pairs):
+            return found
+        leaning = self._leaning(fix, last, pairs)
+        return None if leaning is None or self._refuted(leaning, last, pairs) else leaning
+
+    def _refuted(self, fix: Fix, last: Keyframe, pairs: Pairs) -> bool:
+        T_last_new = se3.inverse(last.T_world_rig) @ fix.T_world_rig
+        return refuting_motion(pairs, T_last_new, self._optics) is not None
 
     def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix | None:
         """A fix at the pose that the corners of the last keyframe bear out, too, if there is one."""
