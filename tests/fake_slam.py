@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import time
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ class FakeSlam:
     rig_check = SimpleNamespace(complaint="", remark="", audit=None)
     grown = False
     loops = 0
+    apart: ClassVar[dict[int, tuple[Array, Array]]] = {}
     odometry_check = SimpleNamespace(complaint="", offset=None)
 
     def __init__(self, rig: object, config: object) -> None:
@@ -66,6 +68,9 @@ class FakeSlam:
             pixel_views=views,
         )
 
+    def settle(self) -> None:
+        """There is one map."""
+
     def finish(self) -> None:
         """Nothing is left to adjust."""
 
@@ -74,6 +79,9 @@ class FakeSlam:
 
     def trajectory(self) -> tuple[Array, Array]:
         return np.array(self.seen), np.array([self.pose(t) for t in self.seen]).reshape(-1, 4, 4)
+
+    def trajectories_apart(self) -> dict[int, tuple[Array, Array]]:
+        return self.apart
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         return np.zeros((2, 3)), np.full((2, 3), 255, np.uint8)

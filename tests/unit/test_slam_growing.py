@@ -70,7 +70,7 @@ def returning(monkeypatch: pytest.MonkeyPatch, map: Map, off: tuple[float, float
     closer = LoopCloser(map, Stub(), SlamConfig(), Stub(), Stub(), Stub())  # type: ignore[arg-type]
     monkeypatch.setattr(closer, "_tracked", lambda keyframe: None)
     monkeypatch.setattr(closer, "_old_places", lambda keyframe: [np.array([0])])
-    monkeypatch.setattr(closer, "_verified", lambda keyframe, group: fix)
+    monkeypatch.setattr(closer, "_verified", lambda frame, corners, velocity, group: fix)
     return closer
 
 
@@ -96,7 +96,7 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     adjuster.nuisances, adjuster.wheels = np.zeros(3), Stub(compare=None)
     grower = Grower(map, Stub(add=None), mapper, adjuster, closer, SlamConfig())  # type: ignore[arg-type]
     grower.scale_sigma = 0.001
-    grower.grow(None, closer._verified(None, None), None, Trajectory())  # type: ignore[arg-type]
+    grower.grow(None, closer._verified(*4 * [None]), None, Trajectory())  # type: ignore[arg-type]
     assert free == [True]
     assert grower.loops == 1
     assert map.keyframes[-1].T_world_rig[2, 3] == pytest.approx(should, abs=0.04)  # it was 0.2 off

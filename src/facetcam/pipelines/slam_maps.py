@@ -54,6 +54,7 @@ class MapKeeper:
 
     def __init__(self, slam: Slam, choice: MapChoice, folder: Path) -> None:
         self._slam = slam
+        self._folder = folder
         self.path = None if choice.localize else choice.path or folder / FILE
         self._due = time.monotonic() + _EVERY
 
@@ -71,3 +72,8 @@ class MapKeeper:
             return False
         self._slam.save_map(self.path)
         return True
+
+    def save_apart(self) -> None:
+        """Write the maps that never met that one into the folder of the run."""
+        for number in self._slam.trajectories_apart():
+            self._slam.save_map(self._folder / f"map{number}.facetmap", number)

@@ -19,6 +19,7 @@ from facetcam.pipelines.pictures import EvenSample
 from facetcam.slam import State, Status, ViewHealth
 from facetcam.viz.report import Picture
 
+WAY = "trajectory.tum"
 PICTURES = 4
 POSE = ("tx", "ty", "tz", "qx", "qy", "qz", "qw")
 TWIST = ("rx", "ry", "rz", "tx", "ty", "tz")
@@ -65,7 +66,7 @@ class SlamRecord:
         self.pictures: EvenSample[Picture] = EvenSample(PICTURES)
         self._started = time.perf_counter()
         with ExitStack() as files:
-            self._trajectory = files.enter_context(TumWriter(folder / "trajectory.tum"))
+            self._ways = {0: files.enter_context(TumWriter(folder / WAY))}
             self._table = files.enter_context(LineWriter(folder / "states.csv"))
             self._table.write(",".join(state_columns(view_names)))
             self._files = files.pop_all()
@@ -94,16 +95,27 @@ class SlamRecord:
         self.offered = frame.index + 1
         self._table.write(",".join(state_cells(state, self.view_names)))
         if state.T_world_rig is not None:
-            self._trajectory.append(state.timestamp, state.T_world_rig)
+            self._way_in(state.map).append(state.timestamp, state.T_world_rig)
         caption = f"{state.timestamp:.1f} s, {len(state.pixels)} points measured"
         self.pictures.offer(lambda: Picture(caption, frame.image, state.pixels, state.pixel_views))
+
+    def _way_in(self, map: int) -> TumWriter:
+        """The file of live poses in one map: each has a world of its own."""
+        if map not in self._ways:
+            self._ways[map] = self._files.enter_context(TumWriter(self.folder / way_in(map)))
+        return self._ways[map]
+
+
+def way_in(map: int | str) -> str:
+    """Name of the file of poses in a map that is not that of the path."""
+    return f"trajectory_map{map}.tum"
 
 
 def state_columns(view_names: tuple[str, ...]) -> list[str]:
     """Header of `states.csv`: the covariance is the upper triangle, rotation (rad) before translation (m)."""
     covariance = [f"cov_{TWIST[i]}_{TWIST[j]}" for i, j in zip(*UPPER)]
     health = [f"{name}_{kind}" for name in view_names for kind in ("predicted", "inliers")]
-    scale = ["keyframe", "metric", "scale_sigma", "map_points"]
+    scale = ["keyframe", "metric", "scale_sigma", "map_points", "map"]
     return ["timestamp", "status", *POSE, *covariance, *scale, *health]
 
 
@@ -115,7 +127,7 @@ def state_cells(state: State, view_names: tuple[str, ...]) -> list[str]:
     if state.covariance is not None:
         covariance = [f"{value:.6e}" for value in state.covariance[UPPER]]
     sigma = f"{state.scale_sigma:.6g}" if np.isfinite(state.scale_sigma) else ""
-    scale = [str(int(state.keyframe)), str(int(state.metric)), sigma, str(state.map_points)]
+    scale = [str(int(state.keyframe)), str(int(state.metric)), sigma, str(state.map_points), str(state.map)]
     health = [state.views.get(name, UNSEEN) for name in view_names]
     counts = [str(count) for view in health for count in (view.predicted, view.inliers)]
     return [f"{state.timestamp:.9f}", state.status.value, *pose, *covariance, *scale, *counts]

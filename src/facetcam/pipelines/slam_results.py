@@ -19,7 +19,7 @@ from facetcam.io.ply import write_ply
 from facetcam.io.trajectories import write_tum
 from facetcam.pipelines.inputs import SlamInputs
 from facetcam.pipelines.slam_maps import MapKeeper
-from facetcam.pipelines.slam_record import SlamRecord
+from facetcam.pipelines.slam_record import WAY, SlamRecord, way_in
 from facetcam.pipelines.summary import Summary
 from facetcam.slam import Slam, Status
 from facetcam.slam.nuisances import CREEP_SIGMA
@@ -50,10 +50,12 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
         If one of them cannot be written; all others, and the live states, stay.
     """
     seconds = record.seconds
+    slam.settle()  # a run that was cut short has not
     path, cloud = slam.trajectory(), slam.cloud()
     keeper = MapKeeper(slam, inputs.maps, record.folder)
     with each_tried() as tried:
-        tried(lambda: write_tum(record.folder / "trajectory.tum", *path))
+        tried(lambda: write_tum(record.folder / WAY, *path))
+        tried(lambda: write_ways_apart(record.folder, slam.trajectories_apart()))
         tried(lambda: write_ply(record.folder / "map.ply", *cloud))
         tried(
             lambda: write_colmap_model(record.folder / "colmap", slam.rig_as_seen, slam.rig_frames(), *cloud)
@@ -61,11 +63,22 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
         if slam.rig_refinement is not None:
             tried(lambda: slam.rig.save(record.folder / REFINED_RIG))
         saved = keeper.path if tried(keeper.save) else None
+        tried(keeper.save_apart)
         summary = summarise(record, slam, inputs, path, seconds, interrupted, saved)
         tried(lambda: atomic_write(record.folder / "summary.json", summary.to_json()))
         report = make_report(record, slam, inputs, path, summary)
         tried(lambda: write_slam_report(report, summary.report))
     return SlamResults(summary, report)
+
+
+def write_ways_apart(folder: Path, apart: dict[int, Trajectory]) -> None:
+    """Write the final poses in maps that never met that of the path, in place of the live ones."""
+    for number, path in apart.items():
+        write_tum(folder / way_in(number), *path)
+    kept = {way_in(number) for number in apart}
+    for live in folder.glob(way_in("*")):
+        if live.name not in kept:
+            live.unlink()
 
 
 def summarise(
@@ -91,7 +104,7 @@ def summarise(
         rig=str(inputs.rig_path),
         out=record.folder,
         frames=record.frames,
-        tracked=count_tracked(record, path[0]),
+        tracked=count_tracked(record, path[0], *(times for times, _ in slam.trajectories_apart().values())),
         statuses=dict(Counter(note.status.value for note in record.notes)),
         metric=slam.metric,
         scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
@@ -99,6 +112,7 @@ def summarise(
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
+        maps_apart={number: len(times) for number, (times, _) in slam.trajectories_apart().items()},
         saved_map=saved_map,
         readout_s=float(slam.nuisances[0]),
         creep_px=(float(slam.nuisances[1]), float(slam.nuisances[2])),
@@ -130,6 +144,9 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
         found.append(
             f"lost soon after the start, the map was begun anew at {times}; the path is that of the last"
         )
+    if apart := slam.trajectories_apart():
+        ways = ", ".join(f"{way_in(number)} ({len(times)} poses)" for number, (times, _) in apart.items())
+        found.append(f"lost for good, the rig began another map that never met that of the path: {ways}")
     if slam.odometry_check.complaint:
         found.append(f"odometry not used: {slam.odometry_check.complaint}")
     return found
@@ -143,9 +160,9 @@ def drop_warning(record: SlamRecord, dropped: int, live: bool) -> list[str]:
     return [f"{dropped + missed} of {record.frames + missed} frames were dropped to keep up with real time"]
 
 
-def count_tracked(record: SlamRecord, times: Array) -> int:
-    """Frames whose pose was measured, then or, at the start, later."""
-    placed = set(times.tolist())
+def count_tracked(record: SlamRecord, *times: Array) -> int:
+    """Frames whose pose was measured, then or, at the start, later, in whatever map."""
+    placed = set(np.concatenate(times).tolist())
     unmeasured = (Status.LOST, Status.DEAD_RECKONING, Status.DROPPED)
     return sum(note.timestamp in placed and note.status not in unmeasured for note in record.notes)
 

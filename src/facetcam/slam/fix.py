@@ -63,9 +63,13 @@ class Fix:
 
         By chance alone some patches of many agree with any pose.
         """
+        return bool(self.witnesses or len(self.seen) >= _BY_CHANCE * len(self.predictions) or self.sharp)
+
+    @property
+    def witnesses(self) -> int:
+        """Count the views in which enough of what was expected is there."""
         seen, expected = (np.bincount(rows.view, minlength=_VIEWS) for rows in (self.seen, self.predictions))
-        witness = (seen >= LEAST_IN_VIEW) & (seen >= _LIKELY * expected)
-        return bool(witness.any() or len(self.seen) >= _BY_CHANCE * len(self.predictions) or self.sharp)
+        return int(np.count_nonzero((seen >= LEAST_IN_VIEW) & (seen >= _LIKELY * expected)))
 
     @property
     def sharp(self) -> bool:

@@ -35,6 +35,8 @@ class Grower:
     ----------
     scale_sigma : float
         Relative standard deviation of the map's scale, inf where the images cannot tell it or deny it.
+    tested : float
+        The same as earlier runs have told it.
     loops : int
         Closed in this run.
     """
@@ -54,14 +56,19 @@ class Grower:
         self._adjuster = adjuster
         self._closer = closer
         self._config = config
-        self.scale_sigma = self._tested = np.inf  # of the map, and of an earlier run's
+        self.scale_sigma = self.tested = np.inf
         self.loops = 0
+        self._maps = 1
         self._next_global = _FIRST_GLOBAL
 
     @property
     def metric(self) -> bool:
         """True where the images prove the scale of the map."""
-        return self.scale_sigma < self._config.metric_sigma
+        return self.proven(self.scale_sigma)
+
+    def proven(self, scale_sigma: float) -> bool:
+        """Tell whether a map of that sigma is metric."""
+        return scale_sigma < self._config.metric_sigma
 
     def grow(self, frame: Frame, fix: Fix, odometry: Array | None, trajectory: Trajectory) -> None:
         """Make a keyframe; in real time this runs beside tracking."""
@@ -105,11 +112,11 @@ class Grower:
     def judge(self) -> None:
         """Tell how well the map, as it is now, knows its scale."""
         evidence = self._mapper.handovers.evidence()
-        self.scale_sigma = evidence.tested(self._adjuster.judge(), self._tested)
+        self.scale_sigma = evidence.tested(self._adjuster.judge(), self.tested)
 
-    def go_on(self, scale_sigma: float) -> None:
-        """Grow from a map of an earlier run."""
-        self.scale_sigma = self._tested = scale_sigma
+    def go_on(self, scale_sigma: float, tested: float) -> None:
+        """Grow from a map of that scale; `tested` is its sigma as earlier runs have told it."""
+        self.scale_sigma, self.tested = scale_sigma, tested
         self._settle()
 
     def start_again(self) -> None:
@@ -117,9 +124,11 @@ class Grower:
         self._map.clear()
         self._adjuster.believe(np.zeros(3))
         self._adjuster.wheels.metre = 1.0
+        self._map.number, self._maps = self._maps, self._maps + 1
         self._places.clear()
+        self._closer.forget()
         self._mapper.denied = False
-        self.scale_sigma = self._tested = np.inf
+        self.scale_sigma = self.tested = np.inf
         self._next_global = _FIRST_GLOBAL
 
     def _settle(self) -> None:

@@ -12,13 +12,14 @@ from scipy.spatial import cKDTree
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.fix import Fix
+from facetcam.slam.frame import Corners, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.pose_graph import Edges, relax
 from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.tracking import Tracker
+from facetcam.slam.tracking import AT_REST, Tracker
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -99,6 +100,30 @@ class LoopCloser:
             self._last = keyframe.index
         return loop
 
+    def forget(self) -> None:
+        """Begin with another map."""
+        self._last = -np.inf
+
+    def recognised(self, frame: Frame, corners: Corners, velocity: Array = AT_REST) -> Fix | None:
+        """Pose in this map of a frame that is no part of it, where patches confirm it."""
+        score = self._places.resembling(
+            corners.descriptors, len(self._map.keyframes), self._config.match_distance
+        )
+        groups = self._relocaliser.groups(score)
+        fixes = (self._verified(frame, corners, velocity, group) for group in groups)
+        return next((fix for fix in fixes if fix is not None), None)
+
+    def recognised_near(self, T_world_rig: Array, frame: Frame, velocity: Array) -> Fix | None:
+        """The same near a pose."""
+        return _confirmed(self._tracker.locate(frame, T_world_rig, velocity=velocity))
+
+    def join_window(self, ids: Index) -> None:
+        """Observe old points in the last keyframes, and let new ones at the same pixels be these."""
+        for keyframe in self._map.keyframes[-self._config.window :]:
+            with self._map.lock:
+                self._join(keyframe, ids)
+        self._last = len(self._map.keyframes) - 1
+
     @property
     def _away(self) -> int:
         return _AWAY * self._config.window
@@ -120,8 +145,9 @@ class LoopCloser:
 
     def _recognised(self, keyframe: Keyframe, metric: bool) -> Loop | None:
         """Find the keyframe at an old place that it does not know to be at."""
+        assert keyframe.frame is not None
         for group in self._old_places(keyframe):
-            fix = self._verified(keyframe, group)
+            fix = self._verified(keyframe.frame, keyframe.corners, keyframe.velocity, group)
             if fix is not None and self._within_drift(keyframe, group, fix, metric):
                 return self._close(keyframe, group, fix, metric)
         return None
@@ -141,17 +167,13 @@ class LoopCloser:
         common = np.intersect1d(a.observations.point, b.observations.point)
         return len(common) >= self._config.min_inliers
 
-    def _verified(self, keyframe: Keyframe, group: Index) -> Fix | None:
-        """Pose of the keyframe from the points of an old place alone, where patches confirm it."""
-        assert keyframe.frame is not None
-        T, matched = self._relocaliser.solve(keyframe.corners, self._places.of_keyframes(group))
+    def _verified(self, frame: Frame, corners: Corners, velocity: Array, group: Index) -> Fix | None:
+        """Pose of a frame from the points of an old place alone, where patches confirm it."""
+        T, matched = self._relocaliser.solve(corners, self._places.of_keyframes(group))
         if T is None or matched < self._config.min_inliers:
             return None
         ids = self._map.observed_points([self._map.keyframes[k] for k in group])
-        fix = self._tracker.locate(keyframe.frame, T, ids, keyframe.velocity)
-        if fix is None or not fix.sharp or not fix.likely or len(fix.seen) < _RETURNED:
-            return None
-        return fix
+        return _confirmed(self._tracker.locate(frame, T, ids, velocity))
 
     def _within_drift(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> bool:
         """Tell whether the map can be as far off as an old place says: what repeats looks alike elsewhere."""
@@ -174,21 +196,13 @@ class LoopCloser:
         bent = relax(poses, edges, with_scale=not metric)
         with self._map.lock:
             move_map(self._map, *bent)
-        ids = np.unique(fix.seen.point)
-        for other in keyframes[-self._config.window :]:
-            with self._map.lock:
-                self._join(other, ids)
+        self.join_window(np.unique(fix.seen.point))
         return Loop(keyframe.index, old, len(fix.seen), gap)
 
     def _growth(self, keyframe: Keyframe, fix: Fix) -> float:
         """How much larger the old map is than the new one, from points that both have at the same pixels."""
-        new, old = pairs_at_same_pixels(keyframe, fix.seen)
-        if len(new) < _LEAST_PAIRS:
-            return 1.0
         xyz = self._map.points.xyz
-        there = np.linalg.norm(xyz[old] - fix.T_world_rig[:3, 3], axis=1)
-        here = np.linalg.norm(xyz[new] - keyframe.T_world_rig[:3, 3], axis=1)
-        return float(np.median(there / here))
+        return growth_between(keyframe, fix, fix.seen, xyz, xyz) or 1.0
 
     def _ties(self) -> tuple[Index, Index, Array]:
         """Pairs of keyframes that follow each other or share many points, and how stiffly they are tied."""
@@ -217,6 +231,41 @@ class LoopCloser:
 def _gap(keyframe: Keyframe, fix: Fix) -> float:
     """Metres between where the map put a keyframe and where an old place does."""
     return float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
+
+
+def _confirmed(fix: Fix | None) -> Fix | None:
+    """A pose that is sharp, and finds enough of what was expected."""
+    good = fix is not None and fix.sharp and fix.likely and len(fix.seen) >= _RETURNED
+    return fix if good else None
+
+
+def growth_between(
+    keyframe: Keyframe, fix: Fix, seen: Measurements, xyz_here: Array, xyz_there: Array
+) -> float | None:
+    """How much larger an old map is than a new one, from points that both have at the same pixels.
+
+    Parameters
+    ----------
+    keyframe : Keyframe
+        Of the new map.
+    fix : Fix
+        Its pose in the old one.
+    seen : Measurements
+        What it has seen of that one, under ids that are rows of `xyz_there`.
+    xyz_here, xyz_there : (N, 3), (M, 3) arrays
+        Points of both maps, which may be one.
+
+    Returns
+    -------
+    float or None
+        None where too few tell.
+    """
+    new, old = pairs_at_same_pixels(keyframe, seen)
+    if len(new) < _LEAST_PAIRS:
+        return None
+    there = np.linalg.norm(xyz_there[old] - fix.T_world_rig[:3, 3], axis=1)
+    here = np.linalg.norm(xyz_here[new] - keyframe.T_world_rig[:3, 3], axis=1)
+    return float(np.median(there / here))
 
 
 def pairs_at_same_pixels(keyframe: Keyframe, seen: Measurements) -> tuple[Index, Index]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.slam.atlas import Chart
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Frame
@@ -23,6 +24,7 @@ Array = NDArray[np.float64]
 
 _PATIENCE = 10  # lost frames
 _BRIEF = 5.0  # seconds that a map was followed
+_FOR_GOOD = 2.0  # seconds of a rig that is lost, from which it may begin another map
 
 
 class MainLoop:
@@ -63,6 +65,21 @@ class MainLoop:
         self._continued, self.localise_only = True, localise_only
         self._localiser.doubt()
 
+    def settle(self) -> None:
+        """Go over to the map of the run that counts, and be lost there if it is another one."""
+        main = self._parts.atlas.main(self._motion.trajectory)
+        if main.map is not self._map:
+            self._go_back(main)
+            self._localiser.doubt()
+
+    def _go_back(self, left: Chart) -> None:
+        """Follow a map that was left."""
+        self._mapping.wait()
+        self._parts.atlas.go_back(left, self._motion.trajectory, worthless=self._young)
+        self._parts.resumer.forget()
+        self._parts.starter.forget()
+        self._motion.lost_frames += 1
+
     def take(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
         """One frame with its odometry, and what the film has said of it."""
         if self._parts.mapper.denied and self._young:
@@ -93,6 +110,7 @@ class MainLoop:
     def _grow(self, frame: Frame, fix: Fix, wheels: Array | None) -> None:
         with self._timed("map"):
             self._parts.grower.grow(frame, fix, wheels, self._motion.trajectory)
+            self._parts.atlas.rejoin(self._motion.trajectory)
 
     def _miss(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
@@ -107,11 +125,18 @@ class MainLoop:
         if self._motion.stands and self._parts.resumer.in_vain:
             self._motion.distrust_wheels()
         if T is None or self._motion.carried:
-            return self._anew(frame) or State(frame.timestamp, Status.LOST, map_points=self._n_points)
+            return self._elsewhere(frame) or self._anew(frame) or self._nowhere(frame, Status.LOST)
         if self._resumes(frame, wheels, check.agrees, T):
             return self._begun(frame, self._motion.trajectory.last(), self._motion.covariance)
         covariance = self._motion.covariance
-        return State(frame.timestamp, Status.DEAD_RECKONING, T, covariance, map_points=self._n_points)
+        return State(
+            frame.timestamp,
+            Status.DEAD_RECKONING,
+            T,
+            covariance,
+            map_points=self._n_points,
+            map=self._map.number,
+        )
 
     def _resumes(self, frame: Frame, wheels: Array | None, proven: bool, T_world_rig: Array) -> bool:
         """Go on with the map from where the wheels have carried the rig, once two frames show enough."""
@@ -132,27 +157,54 @@ class MainLoop:
         return int(np.count_nonzero(self._map.points.alive))
 
     @property
+    def _of_earlier_run(self) -> bool:
+        return self._continued and not self._map.number
+
+    @property
     def _young(self) -> bool:
-        return self._map.young and not self._continued
+        return self._map.young and not self._of_earlier_run
 
     def _brief(self, frame: Frame) -> bool:
         """Tell whether a map was followed for a few seconds, and lost for longer."""
-        if self._continued:
+        if self._of_earlier_run:
             return False
         followed, lost = self._motion.trajectory.since(frame.timestamp)
         return followed < min(lost, _BRIEF)
 
+    def _elsewhere(self, frame: Frame) -> State | None:
+        """Go back to a map that was left, once the rig sees that one."""
+        with self._timed("start"):
+            found = self._parts.atlas.found(frame)
+        if found is None:
+            return None
+        left, fix = found
+        self._go_back(left)
+        self._localiser.accept(frame, fix, None)
+        return self._found(frame, fix, keyframe=False)
+
+    def _nowhere(self, frame: Frame, status: Status, T_world_rig: Array | None = None) -> State:
+        return State(frame.timestamp, status, T_world_rig, map_points=self._n_points, map=self._map.number)
+
+    def _lost_for_good(self, frame: Frame) -> bool:
+        """Tell whether waiting to see the map again serves worse than another map."""
+        known = self._motion.placed and not self.localise_only
+        return known and frame.timestamp - self._motion.trajectory.last_timestamp > _FOR_GOOD
+
     def _anew(self, frame: Frame) -> State | None:
-        """Begin a new map in place of a brief one, once there is one: it serves better than waiting."""
-        if not self._brief(frame):
+        """Begin another map once there is a start: in place of a brief one, or beside it."""
+        brief = self._brief(frame)
+        if not brief and not self._lost_for_good(frame):
             return None
         with self._timed("start"):
             start = self._parts.resumer.offer(frame, None, False)
         if start is None:
             return None
-        self.given_up.append(frame.timestamp)
         self._mapping.wait()
-        self._parts.grower.start_again()
+        if brief:
+            self.given_up.append(frame.timestamp)
+            self._parts.grower.start_again()
+        else:
+            self._parts.atlas.leave(self._motion.trajectory)
         self._motion.forget()
         return self._follows_from(self._parts.resumer.carry_over(start, start.last.T_world_rig), frame)
 
@@ -165,10 +217,12 @@ class MainLoop:
 
     def _start(self, frame: Frame, wheels: Array | None) -> State:
         """Wait for two frames that can start the map."""
+        if (state := self._elsewhere(frame)) is not None:
+            return state
         with self._timed("start"):
             start = self._parts.starter.offer(frame, wheels)
         if start is None:
-            return State(frame.timestamp, Status.STARTING, None if wheels is None else planar_pose(wheels))
+            return self._nowhere(frame, Status.STARTING, None if wheels is None else planar_pose(wheels))
         start.first.measured = start.last.measured = len(start.last.observations)
         return self._follows_from(start, frame)
 
@@ -188,6 +242,7 @@ class MainLoop:
             covariance,
             keyframe=True,
             map_points=self._n_points,
+            map=self._map.number,
         )
 
     def _found(self, frame: Frame, fix: Fix, keyframe: bool) -> State:
@@ -209,6 +264,7 @@ class MainLoop:
             metric=self._parts.metric,
             scale_sigma=self._parts.grower.scale_sigma,
             map_points=self._n_points,
+            map=self._map.number,
             pixels=fix.seen.pixels.astype(np.float32),
             pixel_views=fix.seen.view,
         )

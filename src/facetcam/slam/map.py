@@ -142,6 +142,13 @@ class Points:
     def __len__(self) -> int:
         return self._count
 
+    def join(self, other: Points) -> int:
+        """Add all points of another map, dead ones too; returns by how much larger their ids are here."""
+        ahead = len(self)
+        ids = self.extend(**{name: column[: len(other)] for name, column in other._storage.items()})
+        self.alive[ids] = other.alive
+        return ahead
+
     def _expose(self) -> None:
         """The public columns are views of the rows in use."""
         for name, column in self._storage.items():
@@ -164,18 +171,31 @@ class Map:
     """All keyframes and points.
 
     Whoever holds `lock` sees a whole map; mapping takes it step by step, so that tracking waits for
-    milliseconds only.
+    milliseconds only. `number` tells the maps of a run apart, each of which has a world of its own.
     """
 
     def __init__(self) -> None:
         self.lock = FairLock()
+        self.number = 0
         self.clear()
+
+    def moved_out(self) -> Map:
+        """A map with all that this one holds, which is empty then."""
+        other = Map()
+        other.become(self)
+        self.clear()
+        return other
+
+    def become(self, other: Map) -> None:
+        """Hold what another one does."""
+        for name in ("number", "points", "keyframes", "since", "readout", "creep"):
+            setattr(self, name, getattr(other, name))
 
     def clear(self) -> None:
         """Forget everything."""
         self.points = Points()
         self.keyframes: list[Keyframe] = []
-        self.since = 0  # keyframe with which the map went on after a gap that only wheels have crossed
+        self.since = 0  # keyframe with which the map went on after a gap that no sight has crossed
         self.readout = 0.0  # seconds from the first row of a frame to the last, as estimated
         self.creep = np.zeros(2)  # px (x, y) by which the image lies off the rig's file, as estimated
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from facetcam.rig import Rig
 from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.atlas import Atlas
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, FrontEnd, SiicfFeatures
 from facetcam.slam.growing import Grower
@@ -39,17 +40,23 @@ class Parts:
     starter: Starter
     resumer: Resumer
     grower: Grower
+    atlas: Atlas
     rig_check: RigCheck
 
     @property
     def metric(self) -> bool:
         """True where the images prove the scale of the map, and do not deny the rig that it comes from."""
-        return self.grower.metric and self._rig_holds
+        return self.known(self.grower.scale_sigma)[0]
 
     @property
     def scale_sigma(self) -> float:
         """Relative standard deviation of the scale, inf where the images cannot tell it or deny the rig."""
-        return self.grower.scale_sigma if self._rig_holds else np.inf
+        return self.known(self.grower.scale_sigma)[1]
+
+    def known(self, scale_sigma: float) -> tuple[bool, float]:
+        """Whether the images prove the scale of a map of that sigma, and what is left of the sigma."""
+        sigma = scale_sigma if self._rig_holds else np.inf
+        return self.grower.proven(sigma), sigma
 
     @property
     def _rig_holds(self) -> bool:
@@ -67,7 +74,8 @@ class Parts:
         corners = CornerFinder(optics, config.features, front_end)
         core = _Core(optics, config, corners, map, places)
         aside = _Core(optics, config, corners, Map(), Places())
-        loops = LoopCloser(map, optics, config, places, core.relocaliser, core.tracker)
+        loops = core.closer()
+        grower = Grower(map, places, core.mapper, core.adjuster, loops, config)
         return cls(
             optics=optics,
             map=map,
@@ -78,7 +86,17 @@ class Parts:
             loops=loops,
             starter=core.starter,
             resumer=Resumer(aside.starter, aside.map, map, core.mapper, corners),
-            grower=Grower(map, places, core.mapper, core.adjuster, loops, config),
+            grower=grower,
+            atlas=Atlas(
+                map,
+                places,
+                core.adjuster,
+                loops,
+                grower,
+                corners,
+                optics.n_views,
+                lambda map, places: _Core(optics, config, corners, map, places).closer(),
+            ),
             rig_check=RigCheck(optics, config, corners),
         )
 
@@ -90,8 +108,13 @@ class _Core:
         self, optics: Optics, config: SlamConfig, corners: CornerFinder, map: Map, places: Places
     ) -> None:
         self.map = map
+        self._shared = optics, config, places
         self.adjuster = Adjuster(map, optics, config)
         self.mapper = Mapper(map, optics, config, corners, self.adjuster)
         self.relocaliser = Relocaliser(map, optics, config, corners, places)
         self.tracker = Tracker(map, optics, config, corners, self.relocaliser)
         self.starter = Starter(map, optics, config, corners, self.mapper, self.tracker)
+
+    def closer(self) -> LoopCloser:
+        """What closes the loops of the map."""
+        return LoopCloser(self.map, *self._shared, self.relocaliser, self.tracker)

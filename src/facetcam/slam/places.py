@@ -9,7 +9,7 @@ are compared in full. It grows by sorted blocks that are merged when they are of
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +115,23 @@ class Places:
         """Forget everything."""
         self._blocks: list[_Block] = []
         self.indexed = 0  # keyframes below this index are in
+
+    def moved_out(self) -> Places:
+        """An index with all that this one holds, which is empty then."""
+        other = Places()
+        other._blocks, other.indexed = self._blocks, self.indexed
+        self.clear()
+        return other
+
+    def join(self, earlier: Places, ids_ahead: int, first: int) -> None:
+        """Take in the index of another map.
+
+        The ids of its points are larger here by so many, and our keyframes begin at `first`.
+        """
+        theirs, ours, indexed = earlier.sightings, self.sightings, first + self.indexed
+        theirs = replace(theirs, point=theirs.point + ids_ahead)
+        self.clear()
+        self.restore(theirs.joined(replace(ours, keyframe=ours.keyframe + first)), indexed)
 
     def add(self, keyframe: Keyframe) -> None:
         """Index what a keyframe saw; keyframes come in the order of their indices."""

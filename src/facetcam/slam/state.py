@@ -39,7 +39,7 @@ class State:
         Seconds.
     status : Status
     T_world_rig : (4, 4) array or None
-        None where no pose is known; the world is the rig at the first frame.
+        None where no pose is known; the world is the rig at the first frame of the map.
     covariance : (6, 6) array or None
         Of a small rotation (rad) and translation (m) in the rig frame; of a frame without metric scale in
         the units of the map.
@@ -50,6 +50,8 @@ class State:
     scale_sigma : float
         Relative standard deviation of the scale, inf where unknown.
     map_points : int
+    map : int
+        Number of the map in whose world the pose is: another one after a loss for good, until both meet.
     pixels : (M, 2) float32 array
         Raw-frame positions of the measurements kept.
     pixel_views : (M,) int8 array
@@ -65,5 +67,6 @@ class State:
     metric: bool = False
     scale_sigma: float = np.inf
     map_points: int = 0
+    map: int = 0
     pixels: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 2), np.float32))
     pixel_views: NDArray[np.int8] = field(default_factory=lambda: np.empty(0, np.int8))

@@ -145,6 +145,12 @@ class Slam:
         with self._calls:
             self._wheels.replace(at)
 
+    def settle(self) -> None:
+        """Go over to the map that counts, where a run has several: that of an earlier run, or the longest."""
+        with self._calls:
+            self._mapping.join()
+            self._loop.settle()
+
     def finish(self) -> None:
         """Adjust the whole map once more and judge its scale; calling it again changes nothing much."""
         with self._calls, self._stopwatch.timed("finish"):
@@ -152,6 +158,7 @@ class Slam:
             self._checking.wait()
             if self._loop.localise_only:
                 return
+            self._loop.settle()
             self._grower.adjust_all(last=True)
             if not self.config.refine_rig:
                 self._parts.audit_rig(self.config.pixel_sigma)
@@ -194,18 +201,27 @@ class Slam:
         header = outputs.load(path, self.rig, self._map, self._parts.places, self._parts.optics)
         self._loop.go_on(localise_only)
         self._parts.mapper.session, self._earlier_loops = header.sessions, header.loops
-        self._grower.go_on(np.inf if header.scale_sigma is None else header.scale_sigma)
+        sigma = np.inf if header.scale_sigma is None else header.scale_sigma
+        self._grower.go_on(sigma, sigma)
         return header
 
-    def save_map(self, path: Path | str) -> None:
-        """Write the map as one file, in place of an older one; raises `OutputError` where it cannot."""
+    def save_map(self, path: Path | str, number: int | None = None) -> None:
+        """Write the map, or the one of that number, as one file in place of an older one.
+
+        Where there are several it is that of an earlier run, else the one in which the rig was longest.
+        Raises `OutputError` where it cannot.
+        """
         loops = self._earlier_loops + self.loops
-        outputs.save(path, self.rig, self._map, self._parts.places, self.metric, self.scale_sigma, loops)
+        atlas = self._parts.atlas
+        apart = (left for left in atlas.left if left.map.number == number)
+        kept = next(apart, None) or atlas.main(self._motion.trajectory)
+        outputs.save(path, self.rig, kept.map, kept.places, *self._parts.known(kept.scale_sigma), loops)
 
     @property
     def grown(self) -> bool:
         """True where this run added to the map."""
-        return bool(self._map.keyframes) and self._map.keyframes[-1].session == self._parts.mapper.session
+        keyframes = self._parts.atlas.main(self._motion.trajectory).map.keyframes
+        return bool(keyframes) and keyframes[-1].session == self._parts.mapper.session
 
     @property
     def metric(self) -> bool:
@@ -242,6 +258,11 @@ class Slam:
         """Timestamps (N,) and best current poses (N, 4, 4) of all frames that have one, in time order."""
         with self._map.lock:
             return self._motion.trajectory.poses()
+
+    def trajectories_apart(self) -> dict[int, tuple[Array, Array]]:
+        """Timestamps and poses as of `trajectory`, of the maps that never met that one, by `State.map`."""
+        with self._map.lock:
+            return {left.map.number: left.trajectory.poses() for left in self._parts.atlas.left}
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         """World positions (M, 3) in metres and RGB colours (M, 3) of the map points."""

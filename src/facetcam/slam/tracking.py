@@ -29,7 +29,7 @@ Index = NDArray[np.int64]
 
 _NEAR_KEYFRAMES = 10
 _WIDE_KEYFRAMES = 50  # around, for frames that show little of what the nearest ones saw
-_AT_REST = np.zeros(6)
+AT_REST = np.zeros(6)
 _NONE = np.empty(0, np.int64)
 _SAME = (0.003, 0.01)  # radians and metres by which one pose may come out differently
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
@@ -57,7 +57,7 @@ class Tracker:
         self._relocaliser = relocaliser
         self._last: tuple[Frame, Measurements, Points] | None = None
 
-    def find(self, frame: Frame, *predicted: Array, velocity: Array = _AT_REST) -> Fix | None:
+    def find(self, frame: Frame, *predicted: Array, velocity: Array = AT_REST) -> Fix | None:
         """Pose of a frame near one of its predictions, the likeliest first; there may be none.
 
         `velocity` is the right-hand twist (6,) a second while the shutter rolls.
@@ -138,7 +138,7 @@ class Tracker:
         return self._map.observed_points(self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES))
 
     def locate(
-        self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = _AT_REST
+        self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = AT_REST
     ) -> Fix | None:
         """Pose from map points, or some of them, whose patches are aligned near their predictions.
 

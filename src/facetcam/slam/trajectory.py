@@ -50,6 +50,11 @@ class _Hung:
     seen: _Seen | None = None
     T_before: Array | None = None  # what the wheels say of the way since the frame before
 
+    def renumbered(self, ids_ahead: int) -> _Hung:
+        if self.seen is None:
+            return self
+        return replace(self, seen=replace(self.seen, point=self.seen.point + np.int32(ids_ahead)))
+
     def T_world_rig(self) -> Array:
         T = self.T_keyframe_rig.copy()
         T[:3, 3] *= self.keyframe.scale / self.scale
@@ -77,6 +82,17 @@ class Trajectory:
         T = se3.inverse(keyframe.T_world_rig) @ T_world_rig
         kept = None if seen is None else _Seen.of(seen)
         self._frames.append(_Hung(timestamp, keyframe, T, keyframe.scale, kept, T_before))
+
+    def moved_out(self) -> Trajectory:
+        """All frames, which are in this trajectory no more."""
+        other = Trajectory(self._frames)
+        self._frames = []
+        return other
+
+    def join(self, earlier: Trajectory, ids_ahead: int) -> None:
+        """Take in the frames of another map; their points' ids are larger here."""
+        self._frames = [f.renumbered(ids_ahead) for f in earlier._frames] + self._frames
+        self._frames.sort(key=lambda f: f.timestamp)
 
     def rehang(self, keyframe: Keyframe) -> None:
         """Let the frame that has become a keyframe follow itself."""
@@ -128,6 +144,9 @@ class Trajectory:
             bent = _bent(self._frames[first - 1].T_world_rig(), steps, self._frames[end].T_world_rig())
             for i, T in enumerate(bent, first):
                 self._frames[i] = _hung_at(self._frames[i], T)
+
+    def __len__(self) -> int:
+        return len(self._frames)
 
     @property
     def last_timestamp(self) -> float:

@@ -37,6 +37,7 @@ class Wheels:
         self._motion = motion
         self._mapping = mapping
         self.check = OdometryCheck()
+        self._world = 0  # of the last frame
 
     def taken(self, odometry: ArrayLike | None) -> Array | None:
         """Odometry of a frame, None once it is refused; raises FacetcamError if it is not three numbers."""
@@ -44,7 +45,8 @@ class Wheels:
 
     def compare(self, state: State, wheels: Array | None, map_grows: bool) -> None:
         """Compare a frame with its odometry, and refuse the odometry where they contradict each other."""
-        tracked = state.T_world_rig if state.status is Status.TRACKING else None
+        in_one_world, self._world = state.map == self._world, state.map
+        tracked = state.T_world_rig if state.status is Status.TRACKING and in_one_world else None
         self.check.offer(state.timestamp, tracked, wheels, self._parts.metric)
         if wheels is not None and self.check.complaint:
             self._refuse(map_grows)
@@ -66,7 +68,8 @@ class Wheels:
     def replace(self, at: Callable[[float], ArrayLike | None]) -> None:
         """Give the keyframes of this run the odometry of another table."""
         self._mapping.wait()
-        for keyframe in self._parts.map.keyframes:
+        maps = [self._parts.map, *(left.map for left in self._parts.atlas.left)]
+        for keyframe in (k for map in maps for k in map.keyframes):
             if keyframe.session == self._parts.mapper.session:
                 keyframe.odometry = checked_odometry(at(keyframe.timestamp))
         self._motion.odometry = None
