@@ -29,7 +29,6 @@ class FakeSlam:
     scale_sigma = np.inf
     rig_refinement = None
     nuisances = np.zeros(3)
-    given_up: tuple[float, ...] = ()
     rig_check = SimpleNamespace(complaint="", remark="", audit=None)
     grown = False
     loops = 0

@@ -139,11 +139,6 @@ def doubts(slam: Slam, inputs: SlamInputs) -> list[str]:
     creep = float(np.linalg.norm(slam.nuisances[1:]))
     if creep > 2.0 * CREEP_SIGMA:
         found.append(f"the camera has crept by {creep:.1f} px against its mirrors; calibrate the rig again")
-    if slam.given_up:
-        times = ", ".join(f"{t:.1f} s" for t in slam.given_up)
-        found.append(
-            f"lost soon after the start, the map was begun anew at {times}; the path is that of the last"
-        )
     if apart := slam.trajectories_apart():
         ways = ", ".join(f"{way_in(number)} ({len(times)} poses)" for number, (times, _) in apart.items())
         found.append(f"lost for good, the rig began another map that never met that of the path: {ways}")

@@ -23,8 +23,7 @@ from facetcam.slam.uncertainty import pose_covariance
 Array = NDArray[np.float64]
 
 _PATIENCE = 10  # lost frames
-_BRIEF = 5.0  # seconds that a map was followed
-_FOR_GOOD = 2.0  # seconds of a rig that is lost, from which it may begin another map
+_FOR_GOOD = 1.0  # seconds of a rig that is lost, from which it may begin another map
 
 
 class MainLoop:
@@ -42,8 +41,6 @@ class MainLoop:
     ----------
     localise_only : bool
         The map stays as it is.
-    given_up : list of float
-        Seconds at which a map that had been followed was given up.
     """
 
     def __init__(
@@ -58,7 +55,6 @@ class MainLoop:
         self._localiser = Localiser(parts.map, parts.tracker, motion, config, parts.optics.n_views)
         self._continued = False  # a map of an earlier run
         self.localise_only = False
-        self.given_up: list[float] = []
 
     def go_on(self, localise_only: bool) -> None:
         """The map is that of an earlier run: the rig must be found there first."""
@@ -164,13 +160,6 @@ class MainLoop:
     def _young(self) -> bool:
         return self._map.young and not self._of_earlier_run
 
-    def _brief(self, frame: Frame) -> bool:
-        """Tell whether a map was followed for a few seconds, and lost for longer."""
-        if self._of_earlier_run:
-            return False
-        followed, lost = self._motion.trajectory.since(frame.timestamp)
-        return followed < min(lost, _BRIEF)
-
     def _elsewhere(self, frame: Frame) -> State | None:
         """Go back to a map that was left, once the rig sees that one."""
         with self._timed("start"):
@@ -186,25 +175,20 @@ class MainLoop:
         return State(frame.timestamp, status, T_world_rig, map_points=self._n_points, map=self._map.number)
 
     def _lost_for_good(self, frame: Frame) -> bool:
-        """Tell whether waiting to see the map again serves worse than another map."""
+        """Tell whether a rig that was in the map has not seen it for long."""
         known = self._motion.placed and not self.localise_only
         return known and frame.timestamp - self._motion.trajectory.last_timestamp > _FOR_GOOD
 
     def _anew(self, frame: Frame) -> State | None:
-        """Begin another map once there is a start: in place of a brief one, or beside it."""
-        brief = self._brief(frame)
-        if not brief and not self._lost_for_good(frame):
+        """Begin another map once there is a start: waiting to see this one again serves worse."""
+        if not self._lost_for_good(frame):
             return None
         with self._timed("start"):
             start = self._parts.resumer.offer(frame, None, False)
         if start is None:
             return None
         self._mapping.wait()
-        if brief:
-            self.given_up.append(frame.timestamp)
-            self._parts.grower.start_again()
-        else:
-            self._parts.atlas.leave(self._motion.trajectory)
+        self._parts.atlas.leave(self._motion.trajectory)
         self._motion.forget()
         return self._follows_from(self._parts.resumer.carry_over(start, start.last.T_world_rig), frame)
 

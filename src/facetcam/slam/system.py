@@ -49,8 +49,6 @@ class Slam:
         Whether odometry and the film belong together, and on one clock; it is used no more where not.
     dropped : int
         Frames dropped to keep up with real time.
-    given_up : list of float
-        Seconds at which a map was given up for a new one, in whose frame all later poses are.
     timing : dict of str to list of float
         Seconds of each stage, call by call.
 
@@ -78,7 +76,6 @@ class Slam:
         self.rig_refinement: RigRefinement | None = None
         self.odometry_check = self._wheels.check
         self.dropped = 0
-        self.given_up = self._loop.given_up
         self.timing = self._stopwatch.seconds
         self._calls = threading.Lock()
         self._pace = Pace()

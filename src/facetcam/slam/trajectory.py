@@ -153,10 +153,6 @@ class Trajectory:
         """Time of the frame added last."""
         return self._frames[-1].timestamp
 
-    def since(self, timestamp: float) -> tuple[float, float]:
-        """Seconds from the first frame to the last, and from that one on."""
-        return self.last_timestamp - self._frames[0].timestamp, timestamp - self.last_timestamp
-
     @property
     def last_keyframe(self) -> Keyframe:
         """The keyframe that the frame added last hangs on."""
