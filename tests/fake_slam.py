@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -33,6 +34,7 @@ class FakeSlam:
     grown = False
     loops = 0
     apart: ClassVar[dict[int, tuple[Array, Array]]] = {}
+    next_map_from = 1 << 30  # frame
     odometry_check = SimpleNamespace(complaint="", offset=None)
 
     def __init__(self, rig: object, config: object) -> None:
@@ -63,6 +65,7 @@ class FakeSlam:
             np.eye(6) * 1e-4,
             {"front": ViewHealth(5, 1)},
             map_points=2,
+            map=int(len(self.seen) > self.next_map_from),
             pixels=pixels,
             pixel_views=views,
         )
@@ -81,6 +84,9 @@ class FakeSlam:
 
     def trajectories_apart(self) -> dict[int, tuple[Array, Array]]:
         return self.apart
+
+    def save_map(self, path: Path, number: int) -> None:
+        path.write_text(str(number))
 
     def cloud(self) -> tuple[Array, NDArray[np.uint8]]:
         return np.zeros((2, 3)), np.full((2, 3), 255, np.uint8)

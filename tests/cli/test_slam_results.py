@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -69,13 +70,44 @@ def test_what_was_found_of_shutter_and_camera_is_said(
     assert (summary["readout_s"], summary["creep_px"]) == (0.0174, [-0.02, creep])
 
 
-def test_a_map_that_was_given_up_is_said(
+def two_maps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rig was lost for good after a second, and the second map counts."""
+    monkeypatch.setattr(FakeSlam, "next_map_from", 10)
+    times = np.arange(10) / 10
+    poses = np.tile(np.eye(4), (10, 1, 1))
+    poses[:, 1, 3] = times
+    monkeypatch.setattr(FakeSlam, "apart", {0: (times, poses)})
+
+
+def test_maps_that_never_met_are_told_apart(
     facetcam: Facetcam, film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FakeSlam, "given_up", [2.94, 7.5])
-    result = facetcam("slam", film, "--rig", rig, "--out", tmp_path / "out")
+    two_maps(monkeypatch)
+    out = tmp_path / "out"
+    result = facetcam("slam", film, "--rig", rig, "--out", out)
     assert result.exit_code == 0, result.output
-    assert "the map was begun anew at 2.9 s, 7.5 s; the path is that of the last" in result.stderr
+    assert "another map that never met that of the path: trajectory_map0.tum (10 poses)" in result.stderr
+    times, poses = read_tum(out / "trajectory_map0.tum")
+    np.testing.assert_allclose(poses[:, 1, 3], times)
+    assert not (out / "trajectory_map1.tum").exists()  # it is the path
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["maps_apart"] == {"0": 10}
+    assert (out / "map0.facetmap").read_text() == "0"
+    assert summary["tracked"] == 20
+    with (out / "states.csv").open() as file:
+        assert [row["map"] for row in csv.DictReader(file)] == 10 * ["0"] + 10 * ["1"]
+
+
+def test_live_poses_of_each_map_have_a_file_of_their_own(
+    film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    two_maps(monkeypatch)
+    monkeypatch.setattr(facetcam.pipelines.slam, "write_results", lambda *rest: SimpleNamespace(summary=None))
+    run_slam(film, rig, tmp_path / "out")
+    files = [tmp_path / "out" / name for name in ("trajectory.tum", "trajectory_map1.tum")]
+    first, second = (read_tum(file)[0] for file in files)
+    np.testing.assert_allclose(first, np.arange(2, 10) / 10)
+    np.testing.assert_allclose(second, np.arange(10, 20) / 10)
 
 
 def test_live_poses_stay_beside_the_final_ones(film: Path, rig: Path, tmp_path: Path) -> None:

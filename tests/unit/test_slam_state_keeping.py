@@ -258,22 +258,13 @@ def lost(followed: float, waited: float, keyframes: int) -> tuple[Slam, Frame]:
     return slam, make_frame(np.zeros((height, width), np.uint8), followed + waited, slam.rig.size)
 
 
-@pytest.mark.parametrize(
-    ("followed", "waited", "brief"),
-    [
-        (2.0, 1.5, False),  # longer known than lost
-        (2.0, 2.5, True),
-        (20.0, 60.0, False),  # whoever comes back to it later wants it
-        (0.5, 0.8, True),
-    ],
-)
-def test_a_brief_map_is_kept_until_a_new_one_begins(followed: float, waited: float, brief: bool) -> None:
-    slam, frame = lost(followed, waited, 30)
-    assert slam._loop._brief(frame) is brief
+@pytest.mark.parametrize("waited", [0.7, 60.0])
+def test_a_map_is_kept_however_long_it_is_not_seen(waited: float) -> None:
+    slam, frame = lost(20.0, waited, 30)
     state = slam.track(frame.grey, frame.timestamp)  # in the dark nothing begins
     assert state.status is Status.LOST
-    assert not slam.given_up
-    assert len(slam.trajectory()[0]) == round(10 * followed) + 1
+    assert len(slam.trajectory()[0]) == 201
+    assert not slam.trajectories_apart()
 
 
 def test_a_young_map_that_was_lost_is_forgotten() -> None:
@@ -282,10 +273,9 @@ def test_a_young_map_that_was_lost_is_forgotten() -> None:
     assert not len(slam.trajectory()[0])
 
 
-def test_a_loaded_map_is_never_given_up() -> None:
+def test_a_loaded_map_is_never_forgotten() -> None:
     slam, frame = lost(2.0, 5.0, 7)
     slam._loop.go_on(localise_only=False)
-    assert not slam._loop._brief(frame)
     assert slam.track(frame.grey, frame.timestamp).status is Status.LOST
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +115,9 @@ class LoopCloser:
         return next((fix for fix in fixes if fix is not None), None)
 
     def recognised_near(self, T_world_rig: Array, frame: Frame, velocity: Array) -> Fix | None:
-        """The same near a pose."""
-        return _confirmed(self._tracker.locate(frame, T_world_rig, velocity=velocity))
+        """The same near a pose that others foretell, which sharp patches confirm, or several views."""
+        fix = self._tracker.locate(frame, T_world_rig, velocity=velocity)
+        return fix if _returned(fix) and (fix.sharp or fix.witnesses > 1) else None
 
     def join_window(self, ids: Index) -> None:
         """Observe old points in the last keyframes, and let new ones at the same pixels be these."""
@@ -173,7 +175,8 @@ class LoopCloser:
         if T is None or matched < self._config.min_inliers:
             return None
         ids = self._map.observed_points([self._map.keyframes[k] for k in group])
-        return _confirmed(self._tracker.locate(frame, T, ids, velocity))
+        fix = self._tracker.locate(frame, T, ids, velocity)
+        return fix if _returned(fix) and fix.sharp and fix.likely else None
 
     def _within_drift(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> bool:
         """Tell whether the map can be as far off as an old place says: what repeats looks alike elsewhere."""
@@ -233,10 +236,8 @@ def _gap(keyframe: Keyframe, fix: Fix) -> float:
     return float(np.linalg.norm(fix.T_world_rig[:3, 3] - keyframe.T_world_rig[:3, 3]))
 
 
-def _confirmed(fix: Fix | None) -> Fix | None:
-    """A pose that is sharp, and finds enough of what was expected."""
-    good = fix is not None and fix.sharp and fix.likely and len(fix.seen) >= _RETURNED
-    return fix if good else None
+def _returned(fix: Fix | None) -> TypeGuard[Fix]:
+    return fix is not None and len(fix.seen) >= _RETURNED
 
 
 def growth_between(
