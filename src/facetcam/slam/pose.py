@@ -106,9 +106,17 @@ def refine_pose(
         T_others = _least_squares(T, seen.take(~alone), optics, sigma)
         counts = ~alone | _borne_out(T_others, seen, ~alone, optics, sigma)
         T = T if counts.all() else _least_squares(T_others, seen.take(counts), optics, sigma)
-    found = _Weighted.of(T, seen, np.ones(len(points), np.bool_), optics, sigma)
-    behind = optics.to_plane(se3.transform(se3.inverse(T), points), views)[1] < _MIN_DEPTH
-    return Pose(T, found.variance * found.inverse, np.where(behind, np.inf, found.size))
+    return judged_pose(T, points, views, plane, optics, sigma)
+
+
+def judged_pose(
+    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, sigma: float
+) -> Pose:
+    """A pose as it is, with what points that are seen from it say of it."""
+    seen = _Sights(points, views, plane)
+    found = _Weighted.of(T_world_rig, seen, np.ones(len(points), np.bool_), optics, sigma)
+    behind = optics.to_plane(se3.transform(se3.inverse(T_world_rig), points), views)[1] < _MIN_DEPTH
+    return Pose(T_world_rig, found.variance * found.inverse, np.where(behind, np.inf, found.size))
 
 
 class _Sights(NamedTuple):

@@ -20,7 +20,7 @@ from facetcam.slam.map import Keyframe, Map, Points
 from facetcam.slam.measure import Measurements, measure, predict, thin
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, match_corners
-from facetcam.slam.pose import generalized_pose, refine_pose
+from facetcam.slam.pose import generalized_pose, judged_pose, refine_pose
 from facetcam.slam.relocalisation import AGREEING, Relocaliser
 from facetcam.slam.shutter import at_one_moment
 
@@ -110,7 +110,10 @@ class Tracker:
         xyz = self._map.points.xyz[fix.seen.point]
         sight = JointSight(last.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
         T = sight.agreed_pose(fix.T_world_rig)
-        return None if T is None else replace(fix, pose=replace(fix.pose, T_world_rig=T))
+        if T is None:
+            return None
+        sigma = self._config.pixel_sigma
+        return replace(fix, pose=judged_pose(T, xyz, fix.seen.view, fix.seen.plane, self._optics, sigma))
 
     def record(self, frame: Frame, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
