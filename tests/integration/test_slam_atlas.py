@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +15,13 @@ from facetcam.simulation.drive import Drive, round_the_table
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
+from facetcam.slam.map_file import read_map
 
 Image = NDArray[np.uint8]
 
 LEAVES, MEETS, FRAMES = 26, 44, 70
 BLIND = 3.0  # seconds between two rooms
+LATER = range(LEAVES - 5, FRAMES)  # frames that a second run sees
 RETURNS = range(8, 18)  # frames of the first room, seen once more
 
 
@@ -61,23 +64,6 @@ def test_a_rig_that_sees_nothing_of_its_map_begins_another(parted: tuple[Slam, l
     assert began.T_world_rig is not None and np.linalg.norm(began.T_world_rig[:3, 3]) < 1.0
 
 
-def test_each_map_keeps_its_own_path(
-    parted: tuple[Slam, list[State]], drive: Drive, images: list[Image]
-) -> None:
-    slam, states = track(images, drive, elsewhere)
-    slam.finish()
-    apart = slam.trajectories_apart()
-    paths = [slam.trajectory(), *apart.values()]
-    assert len(paths) == 2
-    assert len(paths[0][0]) >= len(paths[1][0])
-    times = drive.times + BLIND * (np.arange(FRAMES) >= LEAVES)
-    for path in paths:
-        errors = evaluate(path, (times, drive.poses), max_gap=0.001)
-        assert errors.ate_scaled.rmse < 0.02
-    assert sum(len(path[0]) for path in paths) > FRAMES - 15
-    assert states[-1].status is Status.TRACKING
-
-
 def test_a_rig_that_comes_back_is_found_in_its_first_map(
     parted: tuple[Slam, list[State]], drive: Drive, images: list[Image]
 ) -> None:
@@ -90,6 +76,19 @@ def test_a_rig_that_comes_back_is_found_in_its_first_map(
     before, after = states[RETURNS[-1]].T_world_rig, back[-1].T_world_rig
     assert before is not None and after is not None
     np.testing.assert_allclose(after[:3, 3], before[:3, 3], atol=0.1)
+
+
+def test_each_map_keeps_its_own_path(parted: tuple[Slam, list[State]], drive: Drive) -> None:
+    slam, states = parted
+    slam.finish()
+    paths = [slam.trajectory(), *slam.trajectories_apart().values()]
+    assert len(paths) == 2
+    assert len(paths[0][0]) >= len(paths[1][0])
+    times = np.array([state.timestamp for state in states])
+    for path in paths:
+        errors = evaluate(path, (times, drive.poses), max_gap=0.001)
+        assert errors.ate_scaled.rmse < 0.02
+    assert sum(len(path[0]) for path in paths) > FRAMES - 10
 
 
 def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive) -> None:
@@ -111,3 +110,26 @@ def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive) -> N
     errors = evaluate(slam.trajectory(), (times, drive.poses), max_gap=0.001)
     assert errors.matched > FRAMES - 15
     assert errors.ate_scaled.max < 0.05
+
+
+@pytest.mark.slow
+def test_what_is_saved_is_the_loaded_map_however_long_the_rig_was_elsewhere(
+    images: list[Image], drive: Drive, tmp_path: Path
+) -> None:
+    first, _ = track(images[:LEAVES], drive, elsewhere)
+    first.finish()
+    first.save_map(tmp_path / "house.facetmap")
+    slam = Slam(folded())
+    slam.load_map(tmp_path / "house.facetmap")
+    loaded = len(slam.keyframe_poses)
+    states = [slam.track(elsewhere(k, images[k]), drive.times[k] + BLIND * (k >= LEAVES)) for k in LATER]
+    assert (states[0].status, states[0].map) == (Status.TRACKING, 0)
+    assert states[-1].status is Status.TRACKING and states[-1].map != 0
+    slam.save_map(tmp_path / "house.facetmap")
+    assert read_map(tmp_path / "house.facetmap")[0].keyframes == loaded
+    slam.finish()
+    assert len(slam.keyframe_poses) == loaded
+    ((number, (times, _)),) = slam.trajectories_apart().items()
+    assert number == states[-1].map and len(times) > len(LATER) // 2
+    slam.save_map(tmp_path / "elsewhere.facetmap", number)
+    assert read_map(tmp_path / "elsewhere.facetmap")[0].keyframes != loaded

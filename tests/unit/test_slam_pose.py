@@ -13,7 +13,7 @@ from slam_worlds import fisheye, folded, in_sight, look, pyramid, walls, winding
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.slam.optics import Optics
-from facetcam.slam.pose import generalized_pose, linearise, refine_pose
+from facetcam.slam.pose import generalized_pose, judged_pose, linearise, refine_pose
 
 Array = NDArray[np.float64]
 
@@ -95,6 +95,20 @@ def test_covariance_tells_the_errors_that_noise_makes(optics: Optics) -> None:
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * trials)
     # The robust kernel weighs good measurements down, which costs up to twice the variance.
     assert low < np.sum(squares) < 2.0 * high
+
+
+def test_a_pose_beside_that_of_the_points_is_told_to_be_less_sure(optics: Optics) -> None:
+    rng = np.random.default_rng(11)
+    points = walls(rng, 1500)
+    seen = look(optics, TRUE, points)
+    plane = seen.plane + rng.normal(0.0, 0.3, seen.plane.shape)
+    args = points[seen.point], seen.view, plane, optics, 0.5
+    best = refine_pose(NEAR, *args)
+    again, beside = judged_pose(best.T_world_rig, *args), judged_pose(TRUE @ LITTLE, *args)
+    np.testing.assert_array_equal(again.covariance, best.covariance)
+    np.testing.assert_array_equal(again.residuals, best.residuals)
+    np.testing.assert_array_equal(beside.T_world_rig, TRUE @ LITTLE)
+    assert np.trace(beside.covariance) > 1.5 * np.trace(best.covariance)
 
 
 def test_ransac_needs_no_first_pose(optics: Optics) -> None:
