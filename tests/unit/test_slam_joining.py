@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.geometry import se3
 from facetcam.slam.frame import Corners
-from facetcam.slam.joining import Similarity, move_map, take_in
+from facetcam.slam.joining import Similarity, move_world, take_in
 from facetcam.slam.map import HandedOver, Keyframe, Map
 from facetcam.slam.measure import Measurements
 from facetcam.slam.places import Places, Sightings
@@ -111,7 +111,7 @@ def test_a_map_that_moves_takes_all_with_it() -> None:
     into = Similarity(se3.exp(rng.standard_normal(6)), 1.7)
     xyz, poses = map.points.xyz.copy(), way.poses()[1]
     local = [se3.transform(se3.inverse(k.T_world_rig), xyz[k.observations.point]) for k in map.keyframes]
-    move_map(map, into)
+    move_world(map, into)
     for keyframe, before in zip(map.keyframes, local):
         after = se3.transform(se3.inverse(keyframe.T_world_rig), map.points.xyz[keyframe.observations.point])
         np.testing.assert_allclose(after, 1.7 * before, atol=1e-9)

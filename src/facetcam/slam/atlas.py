@@ -14,7 +14,7 @@ from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.fix import Fix
 from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.growing import Grower
-from facetcam.slam.joining import Similarity, move_map, take_in
+from facetcam.slam.joining import Similarity, move_world, take_in
 from facetcam.slam.loops import LoopCloser, growth_between
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.places import Places
@@ -131,8 +131,6 @@ class Atlas:
 
     def found(self, frame: Frame) -> tuple[Chart, Fix] | None:
         """A left map in which a lost rig sees where it is, one of them looked at in each frame."""
-        if not self.left:
-            return None
         self._turn += 1
         left = self.left[self._turn % len(self.left)]
         fix = left.closer.recognised(frame, self._corners(frame))
@@ -197,7 +195,7 @@ class Atlas:
         self.left.remove(left)
         self._grower.tested = left.tested
         with self._map.lock:
-            move_map(self._map, meeting.into_left)
+            move_world(self._map, meeting.into_left)
             ahead = take_in(self._map, self._places, left.map, left.places)
             trajectory.join(left.trajectory, ahead)
         self._adjuster.believe(self._adjuster.nuisances)

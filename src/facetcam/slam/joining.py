@@ -49,7 +49,7 @@ class Similarity:
         return se3.from_rotation_translation(R, self.points(T_world_rig[None, :3, 3])[0])
 
 
-def move_map(map: Map, into: Similarity) -> None:
+def move_world(map: Map, into: Similarity) -> None:
     """Move a map into another world."""
     points = map.points
     points.xyz[:], points.tangent[:] = into.points(points.xyz), into.steps(points.tangent)

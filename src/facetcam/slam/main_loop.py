@@ -162,6 +162,8 @@ class MainLoop:
 
     def _elsewhere(self, frame: Frame) -> State | None:
         """Go back to a map that was left, once the rig sees that one."""
+        if not self._parts.atlas.left:
+            return None
         with self._timed("start"):
             found = self._parts.atlas.found(frame)
         if found is None:

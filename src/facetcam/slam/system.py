@@ -208,11 +208,13 @@ class Slam:
         Where there are several it is that of an earlier run, else the one in which the rig was longest.
         Raises `OutputError` where it cannot.
         """
-        loops = self._earlier_loops + self.loops
-        atlas = self._parts.atlas
-        apart = (left for left in atlas.left if left.map.number == number)
-        kept = next(apart, None) or atlas.main(self._motion.trajectory)
-        outputs.save(path, self.rig, kept.map, kept.places, *self._parts.known(kept.scale_sigma), loops)
+        loops, atlas = self._earlier_loops + self.loops, self._parts.atlas
+        with self._calls:
+            if atlas.left:
+                self._mapping.join()  # maps that are about to be one
+            apart = (left for left in atlas.left if left.map.number == number)
+            kept = next(apart, None) or atlas.main(self._motion.trajectory)
+            outputs.save(path, self.rig, kept.map, kept.places, *self._parts.known(kept.scale_sigma), loops)
 
     @property
     def grown(self) -> bool:
