@@ -60,14 +60,14 @@ def measure(run: Run, data: Path) -> list[str]:
         done = subprocess.run(run.command(data, out), capture_output=True, text=True)
         if done.returncode:
             return [run.name, "", done.stderr.strip().splitlines()[-1]]
-        live = live_error(out / "states.csv", data / run.truth)
+        live = live_error(out / "states.csv", summary["map"], data / run.truth)
         return row(run.name, json.loads((out / "summary.json").read_text()), live)
 
 
-def live_error(states: Path, truth: Path) -> float:
-    """ATE in metres of all poses of a table of states, at the scale that they had."""
+def live_error(states: Path, number: int, truth: Path) -> float:
+    """ATE in metres of all poses of a table of states in the map of that number, at the scale they had."""
     with states.open() as file:
-        rows = [r for r in csv.DictReader(file) if r["tx"]]
+        rows = [r for r in csv.DictReader(file) if r["tx"] and int(r["map"]) == number]
     times = np.array([float(r["timestamp"]) for r in rows])
     positions = np.array([[float(r[axis]) for axis in ("tx", "ty", "tz")] for r in rows])
     true_times, poses = read_tum(truth)

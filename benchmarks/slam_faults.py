@@ -154,10 +154,13 @@ def faults(film: Film) -> Iterator[Fault]:
 
 @dataclass(frozen=True)
 class Result:
-    """States of the frames shown, and of the final poses the errors (m), without and with a fitted scale."""
+    """States of the frames shown, how many maps are left in the end, and of the final poses in the longest
+    one the errors (m), without and with a fitted scale.
+    """
 
     frames: range
     states: list[State]
+    maps: int
     error: float
     scaled_error: float
     scale_error: float
@@ -175,12 +178,13 @@ def run(film: Film, fault: Fault, with_wheels: bool) -> Result:
     slam.finish()
     known = f" ± {100 * slam.scale_sigma:.2g} %" if np.isfinite(slam.scale_sigma) else ""
     scale = ("METRIC" if slam.metric else "NOT METRIC") + known
+    maps = 1 + len(slam.trajectories_apart())
     tracked, own = slam.trajectory()
     if len(own) < 3:
-        return Result(frames, states, *(3 * [float("nan")]), scale)
+        return Result(frames, states, maps, *(3 * [float("nan")]), scale)
     own, true = own[:, :3, 3], poses[np.searchsorted(times, tracked - 1e-6)][:, :3, 3]
     error, scaled = (ate(own, true, with_scale=w).rmse for w in (False, True))
-    return Result(frames, states, error, scaled, scale_error(own, true), scale)
+    return Result(frames, states, maps, error, scaled, scale_error(own, true), scale)
 
 
 def row(film: Film, fault: Fault, with_wheels: bool) -> list[str]:
@@ -194,7 +198,7 @@ def row(film: Film, fault: Fault, with_wheels: bool) -> list[str]:
     return [
         fault.name,
         "yes" if with_wheels else "no",
-        f"{100 * found[seen].mean():.1f} %",
+        f"{100 * found[seen].mean():.1f} %" + (f" in {result.maps} maps" if result.maps > 1 else ""),
         ", ".join(said).replace("_", " "),
         f"{fault.step * longest_run(~found[started:] & seen[started:]) / SECOND:.1f}",
         back,

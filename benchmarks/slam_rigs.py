@@ -54,10 +54,10 @@ class Honesty:
     median: float
 
 
-def honesty(states: Path, map: Path, truth: Path) -> Honesty:
-    """Judge the live poses of a run against the first keyframe of its map, as their covariances are told."""
+def honesty(states: Path, map: Path, number: int, truth: Path) -> Honesty:
+    """Judge the live poses in the map of that number against its first keyframe, as covariances are told."""
     with states.open() as file:
-        rows = [r for r in csv.DictReader(file) if r["tx"] and r["cov_tz_tz"]]
+        rows = [r for r in csv.DictReader(file) if r["tx"] and r["cov_tz_tz"] and int(r["map"]) == number]
     poses = np.stack([_pose(r) for r in rows])
     times, true = read_tum(truth)
     own, ones = associate(np.array([float(r["timestamp"]) for r in rows]), times, MAX_GAP)
@@ -106,12 +106,12 @@ def figures(summary: dict[str, Any], out: Path, truth: Path) -> list[str]:
     tracked = f"{100 * summary['tracked'] / summary['frames']:.0f} %"
     if not errors:
         return [tracked, "no path"]
-    judged = honesty(out / "states.csv", out / "map.facetmap", truth)
+    judged = honesty(out / "states.csv", out / "map.facetmap", summary["map"], truth)
     return [
         tracked,
         f"{100 * errors['ate']['rmse']:.1f}",
         f"{100 * errors['ate_scaled']['rmse']:.1f}",
-        f"{100 * live_error(out / 'states.csv', truth):.1f}",
+        f"{100 * live_error(out / 'states.csv', summary['map'], truth):.1f}",
         scale(summary),
         f"{100 * errors['scale_error']:+.2f} %",
         "" if sigma is None else f"{abs(errors['scale_error']) / sigma:.1f}",

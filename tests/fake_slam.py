@@ -33,6 +33,7 @@ class FakeSlam:
     rig_check = SimpleNamespace(complaint="", remark="", audit=None)
     grown = False
     loops = 0
+    map_number = 0
     apart: ClassVar[dict[int, tuple[Array, Array]]] = {}
     next_map_from = 1 << 30  # frame
     odometry_check = SimpleNamespace(complaint="", offset=None)

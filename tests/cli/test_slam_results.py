@@ -73,6 +73,7 @@ def test_what_was_found_of_shutter_and_camera_is_said(
 def two_maps(monkeypatch: pytest.MonkeyPatch) -> None:
     """The rig was lost for good after a second, and the second map counts."""
     monkeypatch.setattr(FakeSlam, "next_map_from", 10)
+    monkeypatch.setattr(FakeSlam, "map_number", 1)
     times = np.arange(10) / 10
     poses = np.tile(np.eye(4), (10, 1, 1))
     poses[:, 1, 3] = times
@@ -91,7 +92,7 @@ def test_maps_that_never_met_are_told_apart(
     np.testing.assert_allclose(poses[:, 1, 3], times)
     assert not (out / "trajectory_map1.tum").exists()  # it is the path
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["maps_apart"] == {"0": 10}
+    assert (summary["map"], summary["maps_apart"]) == (1, {"0": 10})
     assert (out / "map0.facetmap").read_text() == "0"
     assert summary["tracked"] == 20
     with (out / "states.csv").open() as file:

@@ -112,6 +112,7 @@ def summarise(
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,
+        map=slam.map_number,
         maps_apart={number: len(times) for number, (times, _) in slam.trajectories_apart().items()},
         saved_map=saved_map,
         readout_s=float(slam.nuisances[0]),

@@ -22,11 +22,11 @@ class Summary:
     `scale_sigma` is relative, None where the scale is unknown; `drawn_scale_sigma` is that of a rig built
     with care after a drawing, infinite where nothing would be left of it, None where the rig is calibrated or
     the scale unknown; `frames_per_second` includes decoding and the last adjustment; `loops` counts returns
-    to a place that were recognised; `maps_apart` has the poses in each map that never met that of the path;
-    `saved_map` is None where the run did not add to a map; `readout_s` is
-    that of the shutter, zero for a global one; `creep_px` (x, y) tells how far the image lies from where the
-    rig's file says; `rig_moved` by how many standard deviations a refinement moved each of the rig's numbers,
-    None without one; `errors` need a true trajectory.
+    to a place that were recognised; `map` is the number of the path's map in `states.csv`, and `maps_apart`
+    tells how many poses there are in each map that never met it; `saved_map` is None where the run did not
+    add to a map; `readout_s` is that of the shutter, zero for a global one; `creep_px` (x, y) tells how far
+    the image lies from where the rig's file says; `rig_moved` by how many standard deviations a refinement
+    moved each of the rig's numbers, None without one; `errors` need a true trajectory.
     """
 
     source: str
@@ -41,6 +41,7 @@ class Summary:
     keyframes: int
     map_points: int
     loops: int
+    map: int
     maps_apart: dict[int, int]
     saved_map: Path | None
     readout_s: float

@@ -258,6 +258,11 @@ class Slam:
         with self._map.lock:
             return self._motion.trajectory.poses()
 
+    @property
+    def map_number(self) -> int:
+        """Number of the present map, by `State.map`."""
+        return self._map.number
+
     def trajectories_apart(self) -> dict[int, tuple[Array, Array]]:
         """Timestamps and poses as of `trajectory`, of the maps that never met that one, by `State.map`."""
         with self._map.lock:
