@@ -60,8 +60,9 @@ def measure(run: Run, data: Path) -> list[str]:
         done = subprocess.run(run.command(data, out), capture_output=True, text=True)
         if done.returncode:
             return [run.name, "", done.stderr.strip().splitlines()[-1]]
+        summary = json.loads((out / "summary.json").read_text())
         live = live_error(out / "states.csv", summary["map"], data / run.truth)
-        return row(run.name, json.loads((out / "summary.json").read_text()), live)
+        return row(run.name, summary, live)
 
 
 def live_error(states: Path, number: int, truth: Path) -> float:
