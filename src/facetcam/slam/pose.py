@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from facetcam import _core
 from facetcam.geometry import se3
@@ -16,6 +17,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 15
 _MIN_DEPTH = 0.01  # metres
+_DIGITS = 4  # a tenth of a pixel
 _LEVERAGE = 0.3  # of the six numbers of a pose that one point may hold
 _NEAR = 3.0  # px within which a point has a part in them
 _LEAST_OTHERS, _SHARE_OTHERS = 15, 0.8  # points of a view that must be left, and of all it has
@@ -71,8 +73,17 @@ def generalized_pose(
         inliers[r] = flags
     if inliers.sum() < 4:
         return None, inliers
-    # PoseLib's last digits change from call to call, and with them all that follows.
-    return np.round(se3.inverse(se3.from_rotation_translation(pose.R, pose.t)), 9), inliers
+    return _steady(se3.inverse(se3.from_rotation_translation(pose.R, pose.t))), inliers
+
+
+def _steady(T: Array) -> Array:
+    """A pose rounded, as a first guess may be, to what PoseLib gives in every call.
+
+    Its digits change with the place of the points in memory, from the eighth on where little holds a pose,
+    and with them would change all that follows.
+    """
+    turn = Rotation.from_quat(np.round(se3.to_quaternion_xyzw(T), _DIGITS))
+    return se3.from_rotation_translation(turn.as_matrix(), np.round(T[:3, 3], _DIGITS))
 
 
 def pinhole(optics: Optics) -> dict[str, object]:

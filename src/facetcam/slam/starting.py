@@ -120,10 +120,9 @@ class Starter:
 
     def _later_rows(self) -> Iterator[int]:
         """Waiting frames tried as the first, too: the middle one, that of the rest, and so on."""
-        left = len(self._waiting) // 2
-        while left >= _SHORTEST:
+        left = len(self._waiting)
+        while (left := (left + 1) // 2) >= _SHORTEST:
             yield len(self._waiting) - left
-            left //= 2
 
     def forget(self) -> None:
         """Wait for frames anew."""
