@@ -135,6 +135,24 @@ def test_ransac_gives_the_same_answer_twice() -> None:
     assert first.tobytes() == second.tobytes()
 
 
+def test_ransac_gives_the_same_answer_wherever_its_points_lie_in_memory() -> None:
+    """A far wall in a corner of one view hardly holds a pose: PoseLib's eighth digit differs."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng(12)
+    x, y = rng.uniform(-1.0, 1.0, (2, 3000))
+    points = TRUE[:3, 3] + 8.0 * TRUE[:3, 1] + x[:, None] * TRUE[:3, 0] + y[:, None] * TRUE[:3, 2]
+    seen = look(optics, TRUE, points)
+    rows = np.flatnonzero(seen.view == np.bincount(seen.view).argmax())[:40]
+    assert len(rows) == 40
+    plane = seen.plane[rows] + rng.normal(0.0, 0.7, (40, 2))
+    answers, filled = set(), []
+    for size in rng.integers(1, 5000, 100):
+        filled.append(bytes(int(size)))
+        T, _ = generalized_pose(points[seen.point[rows]], seen.view[rows], plane.copy(), optics, 6.0)
+        assert T is not None
+        answers.add(T.tobytes())
+    assert len(answers) == 1
+
+
 def test_ransac_finds_nothing_in_too_few_points() -> None:
     optics = Optics(folded(), 8.0)
     points = walls(np.random.default_rng(10), 2000)
