@@ -15,6 +15,7 @@ from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Map
 from facetcam.slam.optics import Optics
+from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.rig_refinement import refine_rig
 
 Array = NDArray[np.float64]
@@ -46,6 +47,7 @@ def test_a_rig_a_little_off_is_found_and_its_metre_with_it(name: str) -> None:
     assert after < 0.5 * before
     assert after < 3.0 * adjuster.judge()
     assert np.abs(found.shift).max() < 4.0
+    assert not found.complaint
     assert np.all(np.diag(found.rig.covariance.matrix) < 1.001 * np.diag(known.matrix))
 
 
@@ -70,3 +72,24 @@ def test_a_map_too_small_refines_nothing() -> None:
     world = mapped(optics.rig, optics, path, np.random.default_rng(7), 0.2)
     assert refine_rig(world, optics, Adjuster(world, optics, CONFIG), CONFIG.pixel_sigma) is None
     assert optics.rig is RIGS["pyramid"]
+
+
+def test_a_rig_that_is_nothing_like_its_file_proves_no_metre() -> None:
+    """A lens 5 % longer than one that was said to be known to half a per cent."""
+    rig, rng = RIGS["pyramid"], np.random.default_rng(8)
+    known = tolerance(rig)
+    sigma = np.sqrt(np.diag(known.matrix)) * [10.0 * (name in ("fx", "fy")) for name in known.parameters]
+    true, optics, path = moved(rig, known, sigma), Optics(rig, 8.0), winding_path(10, 1.5)
+    world = mapped(true, optics, path, rng, 0.2)
+    adjuster = Adjuster(world, optics, CONFIG)
+    adjuster.adjust_all(last=True)
+    found = refine_rig(world, optics, adjuster, CONFIG.pixel_sigma)
+    assert found is not None
+    assert "standard deviations" in found.complaint and "facetcam calibrate" in found.complaint
+    check = RigCheck(optics, CONFIG, lambda frame: None)  # type: ignore[arg-type]
+    assert check.fits
+    check.refinement = found
+    assert not check.fits
+    assert check.complaint == found.complaint
+    check.refinement = replace(found, shift=0.1 * found.shift)
+    assert check.fits and not check.complaint

@@ -55,12 +55,8 @@ class Parts:
 
     def known(self, scale_sigma: float) -> tuple[bool, float]:
         """Whether the images prove the scale of a map of that sigma, and what is left of the sigma."""
-        sigma = scale_sigma if self._rig_holds else np.inf
+        sigma = scale_sigma if self.rig_check.fits else np.inf
         return self.grower.proven(sigma), sigma
-
-    @property
-    def _rig_holds(self) -> bool:
-        return self.rig_check.fits or self.rig_check.refined
 
     def audit_rig(self, pixel_sigma: float) -> None:
         """Ask a map that is sure of its scale whether it bears out the rig."""

@@ -15,6 +15,7 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, match_corners
 from facetcam.slam.proposals import view_motions
 from facetcam.slam.rig_audit import RigAudit
+from facetcam.slam.rig_refinement import RigRefinement
 from facetcam.slam.two_frames import joint_motion
 
 Array = NDArray[np.float64]
@@ -53,8 +54,8 @@ class RigCheck:
     ----------
     misfit : float or None
         How much worse one motion explains the images, once it is known.
-    refined : bool
-        True once the rig's numbers have been refined with the map, which outdates the verdict.
+    refinement : RigRefinement or None
+        How the rig's numbers were refined with the map, which outdates the verdict.
     odd_view : str
         The view without which all others fit; empty where there is none.
     moves_by_itself : bool
@@ -72,7 +73,7 @@ class RigCheck:
         self._last: Frame | None = None
         self._comparisons: list[Comparison] = []
         self.misfit: float | None = None
-        self.refined = False
+        self.refinement: RigRefinement | None = None
         self.odd_view = ""
         self.moves_by_itself = False
         self.audit: RigAudit | None = None
@@ -80,6 +81,8 @@ class RigCheck:
     @property
     def fits(self) -> bool:
         """False once the images have shown that the rig is not that of the film."""
+        if self.refinement is not None:
+            return not self.refinement.complaint
         return self._moves_as_one and not (self.audit and self.audit.denies)
 
     @property
@@ -97,6 +100,8 @@ class RigCheck:
     @property
     def complaint(self) -> str:
         """What is wrong, for people; empty while nothing is."""
+        if self.refinement is not None and self.refinement.complaint:
+            return self.refinement.complaint
         if self._moves_as_one:
             return self.audit.complaint if self.audit else ""
         alone, together = self.errors

@@ -18,6 +18,7 @@ from facetcam.slam.optics import Optics
 Array = NDArray[np.float64]
 
 _ROUNDS = 6
+_MOST_MOVED = 3.0  # standard deviations
 _SMALL_STEP = 0.02  # standard deviations at which to stop
 _NULL = 1e-10  # information below this share of the largest is rounding
 _LEAST_KEYFRAMES = 5
@@ -44,6 +45,21 @@ class RigRefinement:
     def moved(self) -> dict[str, float]:
         """Shift of each number in standard deviations, by name."""
         return {name: float(s) for name, s in zip(self.before.parameters, self.shift)}
+
+    @property
+    def complaint(self) -> str:
+        """What is wrong, for people; empty while the rig stays within what was open of it.
+
+        Where it does not, what was said to be known of it is wrong, and so is what holds the scale.
+        """
+        row = int(np.argmax(np.abs(self.shift)))
+        if abs(self.shift[row]) < _MOST_MOVED:
+            return ""
+        return (
+            f"the refined rig is far from the file's ({self.before.parameters[row]} moved by"
+            f" {abs(self.shift[row]):.0f} standard deviations of what was open of it), so the scale is not"
+            " proven; calibrate the rig (facetcam calibrate)"
+        )
 
 
 def refine_rig(map: Map, optics: Optics, adjuster: Adjuster, pixel_sigma: float) -> RigRefinement | None:

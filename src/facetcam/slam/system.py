@@ -170,7 +170,7 @@ class Slam:
     def _refine_rig(self) -> None:
         parts = self._parts
         self.rig_refinement = refine_rig(parts.map, parts.optics, parts.adjuster, self.config.pixel_sigma)
-        self.rig_check.refined = self.rig_refinement is not None
+        self.rig_check.refinement = self.rig_refinement
         self.rig = parts.optics.rig
         self._grower.judge()
 
