@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _MAX_WAITING = 40
-_SHORTEST = 4  # frames in which a later one than the first waiting is tried as the first
+_LONG = 8  # waiting frames from which the middle one is tried as the first, too
 _LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _TRIALS = 3  # frames between in which a point was looked for
@@ -115,14 +115,8 @@ class Starter:
             if usable and len(self._waiting) <= _MAX_WAITING:
                 break
             self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]
-        starts = (self._start(row, self._pairs(row), showing) for row in self._later_rows())
-        return next((start for start in starts if start is not None), None)
-
-    def _later_rows(self) -> Iterator[int]:
-        """Waiting frames tried as the first, too: the middle one, that of the rest, and so on."""
-        left = len(self._waiting)
-        while (left := (left + 1) // 2) >= _SHORTEST:
-            yield len(self._waiting) - left
+        middle = len(self._waiting) // 2
+        return self._start(middle, self._pairs(middle), showing) if len(self._waiting) >= _LONG else None
 
     def forget(self) -> None:
         """Wait for frames anew."""
