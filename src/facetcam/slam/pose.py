@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 _STEPS = 15
 _MIN_DEPTH = 0.01  # metres
-_DIGITS = 4  # a tenth of a pixel
+_DIGITS = 6  # a thousandth of a pixel
 _LEVERAGE = 0.3  # of the six numbers of a pose that one point may hold
 _NEAR = 3.0  # px within which a point has a part in them
 _LEAST_OTHERS, _SHARE_OTHERS = 15, 0.8  # points of a view that must be left, and of all it has
@@ -77,7 +77,7 @@ def generalized_pose(
 
 
 def _steady(T: Array) -> Array:
-    """A pose rounded, as a first guess may be, to what PoseLib gives in every call.
+    """A pose rounded, as a first guess may be, to what PoseLib gives in nearly every call.
 
     Its digits change with the place of the points in memory, from the eighth on where little holds a pose,
     and with them would change all that follows.
