@@ -94,7 +94,7 @@ def test_each_map_keeps_its_own_path(parted: tuple[Slam, list[State]], drive: Dr
 def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive) -> None:
     """Two mirrors show the first room again while the others still show the second one."""
     rig = folded()
-    again = np.isin(rig.labels(), [rig.view_names.index(name) for name in rig.view_names[:2]])[:, :, None]
+    again = np.isin(rig.labels(), [rig.view_names.index(name) for name in rig.view_names[::2]])[:, :, None]
 
     def look(k: int, image: Image) -> Image:
         other = elsewhere(k, image)
