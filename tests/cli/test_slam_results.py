@@ -12,10 +12,12 @@ import pytest
 from command import Facetcam, only_line
 from fake_slam import FakeSlam
 from films import moving, write_film, write_folder
+from numpy.typing import NDArray
 
 import facetcam.pipelines.slam
+from facetcam.errors import OutputError
 from facetcam.io.trajectories import read_tum, write_tum
-from facetcam.pipelines import run_slam
+from facetcam.pipelines import run_slam, slam_results
 from facetcam.rig import Rig
 
 FILES = ["colmap", "map.ply", "report.html", "states.csv", "summary.json", "trajectory.tum"]
@@ -97,6 +99,22 @@ def test_maps_that_never_met_are_told_apart(
     assert summary["tracked"] == 20
     with (out / "states.csv").open() as file:
         assert [row["map"] for row in csv.DictReader(file)] == 10 * ["0"] + 10 * ["1"]
+
+
+def test_live_poses_stay_where_final_ones_cannot_be_written(
+    facetcam: Facetcam, film: Path, rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, times: NDArray, poses: NDArray) -> None:
+        if path.name == "trajectory.tum":
+            raise OutputError(f"{path}: cannot be written (No space left on device)")
+        write_tum(path, times, poses)
+
+    two_maps(monkeypatch)
+    monkeypatch.setattr(slam_results, "write_tum", full)
+    result = facetcam("slam", film, "--rig", rig, "--out", tmp_path / "out")
+    assert result.exit_code == 1
+    times = [read_tum(tmp_path / "out" / name)[0] for name in ("trajectory.tum", "trajectory_map1.tum")]
+    np.testing.assert_allclose(np.concatenate(times), np.arange(2, 20) / 10)
 
 
 def test_live_poses_of_each_map_have_a_file_of_their_own(

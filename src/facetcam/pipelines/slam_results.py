@@ -54,8 +54,7 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     path, cloud = slam.trajectory(), slam.cloud()
     keeper = MapKeeper(slam, inputs.maps, record.folder)
     with each_tried() as tried:
-        tried(lambda: write_tum(record.folder / WAY, *path))
-        tried(lambda: write_ways_apart(record.folder, slam.trajectories_apart()))
+        tried(lambda: write_ways(record.folder, path, slam.trajectories_apart()))
         tried(lambda: write_ply(record.folder / "map.ply", *cloud))
         tried(
             lambda: write_colmap_model(record.folder / "colmap", slam.rig_as_seen, slam.rig_frames(), *cloud)
@@ -71,13 +70,16 @@ def write_results(record: SlamRecord, slam: Slam, inputs: SlamInputs, interrupte
     return SlamResults(summary, report)
 
 
-def write_ways_apart(folder: Path, apart: dict[int, Trajectory]) -> None:
-    """Write the final poses in maps that never met that of the path, in place of the live ones."""
-    for number, path in apart.items():
-        write_tum(folder / way_in(number), *path)
-    kept = {way_in(number) for number in apart}
+def write_ways(folder: Path, path: Trajectory, apart: dict[int, Trajectory]) -> None:
+    """Write the final poses, and those in maps that never met that of the path, in place of the live ones.
+
+    Live poses stay until all final ones are written.
+    """
+    ways = {way_in(number): way for number, way in apart.items()}
+    for name, way in {**ways, WAY: path}.items():
+        write_tum(folder / name, *way)
     for live in folder.glob(way_in("*")):
-        if live.name not in kept:
+        if live.name not in ways:
             live.unlink()
 
 
