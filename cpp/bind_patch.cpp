@@ -25,7 +25,7 @@ facetcam::Grey8 grey(const Image& image) {
 
 auto align_patches(const Image& full, const Image& half, const Patches& patches, const Floats<2>& offsets,
                    const Floats<3>& warps, const Floats<2>& start, float max_shift, int max_iterations,
-                   int threads) {
+                   int threads, int isa) {
     const std::size_t n = patches.shape(0);
     if (patches.shape(1) != patches.shape(2) || offsets.shape(0) != n || warps.shape(0) != n ||
         start.shape(0) != n || offsets.shape(1) != 2 || start.shape(1) != 2 || warps.shape(1) != 2 ||
@@ -34,6 +34,8 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
             "align_patches: expected patches (N,P,P), offsets (N,2), warps (N,2,2), start (N,2)");
     const facetcam::Grey8 level0 = grey(full), level1 = grey(half);
     const int size = static_cast<int>(patches.shape(1));
+    const facetcam::Isa best = facetcam::best_isa(), wanted = static_cast<facetcam::Isa>(isa);
+    const auto align = facetcam::patch_aligner(isa < 0 || wanted > best ? best : wanted);
     float* out = new float[n * 4];
     nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });
     {
@@ -43,8 +45,8 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
             facetcam::Reference reference{
                 patches.data() + i * size * size, size, offsets(i, 0), offsets(i, 1), {}};
             for (int k = 0; k < 4; ++k) reference.warp[k] = warps(i, k / 2, k % 2);
-            const facetcam::Alignment a = facetcam::align_patch(level0, level1, reference, start(i, 0),
-                                                                start(i, 1), max_shift, max_iterations);
+            const facetcam::Alignment a =
+                align(level0, level1, reference, start(i, 0), start(i, 1), max_shift, max_iterations);
             out[4 * i] = a.x;
             out[4 * i + 1] = a.y;
             out[4 * i + 2] = a.score;
@@ -59,6 +61,6 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
 void facetcam::bind_patch(nb::module_& m) {
     m.def("align_patches", &align_patches, "full"_a.noconvert(), "half"_a.noconvert(),
           "patches"_a.noconvert(), "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(),
-          "max_shift"_a, "max_iterations"_a, "threads"_a,
+          "max_shift"_a, "max_iterations"_a, "threads"_a, "isa"_a = -1,
           "Positions, correlation and spread (N, 4) of patches found in an image.");
 }

@@ -1,11 +1,10 @@
-// Row kernels of the corner detector. The same source is compiled once per instruction set; every variant
-// does the same integer and IEEE operations in the same order, so the results are identical bit for bit.
+// Row kernels of the corner detector, compiled once per instruction set.
 #pragma once
 #include <cstdint>
 
-namespace facetcam {
+#include "isa.hpp"
 
-enum class Isa { baseline = 0, avx2 = 1, avx512 = 2 };
+namespace facetcam {
 
 // Values are fixed point with kValueUnit steps of the logarithm, products of gradients with kProductUnit
 // steps. Neither exceeds kLargestStep, and the taps of a filter sum up to kTapSum: a sum down a column is
@@ -48,8 +47,7 @@ struct RowKernels {
     void (*stretch)(const float* near, const float* far, float weight, bool odd, int n, float* out);
 };
 
-// The best instruction set of this machine, or the wanted one if the machine has it.
-Isa best_isa();
+// Those of the wanted instruction set, or of the best one that the machine has.
 const RowKernels& row_kernels(Isa isa);
 
 }  // namespace facetcam

@@ -1,7 +1,10 @@
 // Alignment of small image patches under a known affine warp and unknown gain and bias.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+
+#include "isa.hpp"
 
 namespace facetcam {
 
@@ -28,7 +31,10 @@ struct Reference {
 
 // Finds the patch near (x, y), first in the half-size image, then in the full one. Inverse compositional
 // Lucas-Kanade (Baker and Matthews, IJCV 2004) on patches brought to one mean and contrast.
-Alignment align_patch(const Grey8& full, const Grey8& half, const Reference& reference, float x, float y,
-                      float max_shift, int max_iterations);
+using AlignPatch = Alignment(const Grey8& full, const Grey8& half, const Reference& reference, float x,
+                             float y, float max_shift, int max_iterations);
+
+// The variant for an instruction set that the machine has.
+AlignPatch* patch_aligner(Isa isa);
 
 }  // namespace facetcam

@@ -86,6 +86,7 @@ def align_patches(
     max_shift: float,
     max_iterations: int,
     threads: int,
+    isa: int = -1,
 ) -> NDArray[np.float32]: ...
 def adjust_bundle(
     focal: float,

@@ -1,0 +1,12 @@
+// Instruction sets that kernels are compiled for. Every variant does the same integer and IEEE operations in
+// the same order, so that results are identical bit for bit.
+#pragma once
+
+namespace facetcam {
+
+enum class Isa { baseline = 0, avx2 = 1, avx512 = 2 };
+
+// The best instruction set of this machine.
+Isa best_isa();
+
+}  // namespace facetcam

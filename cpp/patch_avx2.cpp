@@ -1,0 +1,2 @@
+#define FACETCAM_ISA avx2
+#include "patch.inl"

@@ -1,0 +1,2 @@
+#define FACETCAM_ISA baseline
+#include "patch.inl"
