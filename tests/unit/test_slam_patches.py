@@ -33,14 +33,16 @@ def photograph(A: Array, b: Array, light: Light = lambda grey: grey) -> Image:
     return np.clip(np.rint(light(brightness(pixels @ A.T + b))), 0, 255).astype(np.uint8)
 
 
-def align(reference: Image, image: Image, features: Array, A: Array, start: Array) -> Array:
+def align(
+    reference: Image, image: Image, features: Array, A: Array, start: Array, threads: int = 2, isa: int = -1
+) -> Array:
     """Rows x, y, score, spread of features (N, 2) of the reference, sought from `start` (N, 2)."""
     patches, offsets, kept = cut_patches(reference, features)
     assert kept.all()
     half = cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     warps = np.broadcast_to(A, (len(features), 2, 2)).astype(np.float32).copy()
     return _core.align_patches(
-        image, half, patches.copy(), offsets, warps, start.astype(np.float32), 8.0, 12, 2
+        image, half, patches.copy(), offsets, warps, start.astype(np.float32), 8.0, 12, threads, isa
     ).astype(float)
 
 
@@ -70,6 +72,20 @@ def test_features_are_found_to_a_tenth_of_a_pixel(A: Array, light: Light) -> Non
     found = align(reference, image, FEATURES, A, truth + SHIFT)
     assert np.all(found[:, 2] > 0.98)
     assert np.linalg.norm(found[:, :2] - truth, axis=1).max() < 0.1
+
+
+@pytest.mark.parametrize("A", WARPS.values(), ids=WARPS.keys())
+@pytest.mark.parametrize("isa", range(_core.best_isa() + 1))
+def test_every_instruction_set_and_number_of_threads_gives_the_same_bits(A: Array, isa: int) -> None:
+    rng = np.random.default_rng(5)
+    reference, b = photograph(np.eye(2), np.zeros(2)), np.array([100.0, 100.0]) - A @ [98.7, 101.2]
+    image = photograph(A, b)
+    image[::7] += rng.integers(0, 30, image[::7].shape, dtype=np.uint8)
+    features = rng.uniform(40.0, 160.0, (300, 2))
+    start = (features - b) @ np.linalg.inv(A).T + rng.normal(0.0, 2.0, features.shape)
+    best, other = (align(reference, image, features, A, start, *how) for how in ((2, -1), (1, isa)))
+    assert np.sum(best[:, 2] > 0.8) > 100
+    np.testing.assert_array_equal(other, best)
 
 
 def test_a_mirror_image_is_not_found_with_a_proper_warp() -> None:
