@@ -22,7 +22,7 @@ from facetcam.viz import (
     write_slam_report,
     write_unwrap_report,
 )
-from facetcam.viz.figures import ground
+from facetcam.viz.figures import broken, ground
 from facetcam.viz.palette import view_bgr
 from facetcam.viz.pictures import draw_points
 from facetcam.viz.wording import verdict
@@ -122,6 +122,23 @@ def test_slam_page_is_whole_and_needs_no_other_file(report: SlamReport, tmp_path
     assert "/<wbr>films/<wbr>&lt;2nd&gt;/<wbr>hall.mp4" in html  # a long path is broken where it reads well
     assert html.count("<svg") == 4 and "prefers-color-scheme: dark" in html
     assert not re.search("#0[147]0[258]0[369]", html)  # every mark became a colour of the page
+
+
+def test_maps_that_never_met_have_panels_of_their_own(report: SlamReport, tmp_path: Path) -> None:
+    way = report.pose_times, report.positions
+    several = replace(report, apart={f"map {i}: 40 poses": way for i in (1, 2, 3, 4)})
+    write_slam_report(several, tmp_path / "report.html")
+    text = read(tmp_path / "report.html").text
+    assert "Other maps of this run" in text and "map 4: 40 poses" in text
+    assert "tracked in 5 maps that never met; lengths" in verdict(several)
+
+
+def test_no_line_is_drawn_where_frames_are_missing() -> None:
+    times = np.array([0.0, 0.1, 0.2, 1.2, 1.3, 1.4])
+    rows = broken(times, np.arange(6))
+    np.testing.assert_array_equal(rows, [0, 1, 2, np.nan, 3, 4, 5])
+    for even in (times[:3], times[:1], times[:0]):
+        np.testing.assert_array_equal(broken(even, even), even)
 
 
 def test_the_same_run_gives_the_same_page(report: SlamReport, tmp_path: Path) -> None:

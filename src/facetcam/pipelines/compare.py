@@ -96,6 +96,6 @@ def plots(estimate: Trajectory, truth: Trajectory, max_gap: float) -> dict[str, 
     aligned = evaluation.align(positions, target, with_scale=False).apply(positions)
     nothing = np.empty((0, 3))
     return {
-        "path.svg": figures.path_figure(aligned, nothing, nothing, target),
+        "path.svg": figures.path_figure(estimate[0][own], aligned, nothing, nothing, target),
         "errors.svg": figures.error_figure(estimate[0][own], np.linalg.norm(aligned - target, axis=1)),
     }

@@ -191,12 +191,22 @@ def make_report(
         positions=poses[:, :3, 3],
         keyframes=slam.keyframe_poses[:, :3, 3],
         cloud=slam.cloud()[0],
+        apart=named_ways(slam.trajectories_apart()),
         timing=slam.timing,
         pictures=record.pictures.items(),
         truth=truth,
         interrupted=summary.interrupted,
         facts=facts(summary),
     )
+
+
+def named_ways(apart: dict[int, Trajectory]) -> dict[str, tuple[Array, Array]]:
+    """Times and positions of the paths in maps apart, named for the report; empty ones left out."""
+    return {
+        f"map {number}: {len(times)} poses, {times[0]:.1f} to {times[-1]:.1f} s": (times, poses[:, :3, 3])
+        for number, (times, poses) in apart.items()
+        if len(times)
+    }
 
 
 def aligned_truth(truth: Array, estimate: Array, summary: Summary) -> Truth | None:

@@ -26,13 +26,17 @@ COLOUR_OF_CSS = {
     "var(--card)": "#fff",
 }
 BAR_COLOUR, TRUTH_COLOUR, ERROR_COLOUR, CLOUD_COLOUR = "#1aa179", "#e8890c", "#e5484d", "#8a94a3"
+GAP = 5.0  # times the usual step, from which frames are missing
+APART_COLUMNS = 3
 MAX_SAMPLES = 1500  # along time; more would only make the page heavy
 
 Array = NDArray[np.floating]
 
 
-def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None, unit: str = "m") -> str:
-    """Path (N, 3), keyframes (K, 3), map points (P, 3) and aligned truth (N, 3) from above, in `unit`."""
+def path_figure(
+    times: Array, path: Array, keyframes: Array, cloud: Array, truth: Array | None, unit: str = "m"
+) -> str:
+    """Path (N, 3) over `times`, keyframes (K, 3), map points (P, 3) and truth (N, 3) from above, in `unit`."""
     figure, axes = new_figure(6.8, 6.2)
     plane = ground(path)
     if len(cloud):
@@ -40,15 +44,48 @@ def path_figure(path: Array, keyframes: Array, cloud: Array, truth: Array | None
         # Thousands of vector dots would weigh megabytes: this one layer is a picture inside the SVG.
         axes.plot(*seen.T, ".", ms=1.6, color=CLOUD_COLOUR, alpha=0.55, rasterized=True, label="map")
     if truth is not None:
-        axes.plot(*truth[:, plane].T, color=TRUTH_COLOUR, lw=2.4, alpha=0.8, label="truth, aligned")
-    axes.plot(*path[:, plane].T, color=view_colour(0), lw=1.5, label="estimate")
+        true = broken(times, truth[:, plane])
+        axes.plot(*true.T, color=TRUTH_COLOUR, lw=2.4, alpha=0.8, label="truth, aligned")
+    draw_way(axes, times, path[:, plane])
     axes.plot(*keyframes[:, plane].T, "o", ms=2.6, color=view_colour(0), label="keyframes")
-    axes.plot(*path[0, plane], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
+    name_axes(axes, plane, unit)
+    legend_above(axes, 5)
+    return to_svg(figure)
+
+
+def apart_figure(ways: Mapping[str, tuple[Array, Array]], unit: str) -> str:
+    """Paths in several maps from above, a panel each: by name, times (N,) and positions (N, 3) in `unit`."""
+    from matplotlib.figure import Figure
+
+    rows = -(-len(ways) // APART_COLUMNS)
+    figure = Figure(figsize=(11.6, 3.4 * rows), layout="constrained", facecolor="none")
+    for i, (name, (times, path)) in enumerate(ways.items(), start=1):
+        plane, panel = ground(path), figure.add_subplot(rows, APART_COLUMNS, i, facecolor="none")
+        plain(panel)
+        draw_way(panel, times, path[:, plane])
+        panel.set_title(name, color=INK, fontsize=10, loc="left")
+        name_axes(panel, plane, unit)
+    return to_svg(figure)
+
+
+def draw_way(axes: Axes, times: Array, path: Array) -> None:
+    """A path (N, 2), broken where frames have no pose, and where it starts."""
+    axes.plot(*broken(times, path).T, color=view_colour(0), lw=1.5, label="estimate")
+    axes.plot(*path[0], "o", ms=8, mfc="none", mec=INK, mew=1.3, label="start")
+
+
+def broken(times: Array, values: Array) -> Array:
+    """Rows over `times`, with a row of nan where frames are missing, so that no line is drawn there."""
+    steps = np.diff(times)
+    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
+    inserted: Array = np.insert(values.astype(float), gaps, np.nan, axis=0)
+    return inserted
+
+
+def name_axes(axes: Axes, plane: list[int], unit: str) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel(f"{'xyz'[plane[0]]} ({unit})")
     axes.set_ylabel(f"{'xyz'[plane[1]]} ({unit})")
-    legend_above(axes, 5)
-    return to_svg(figure)
 
 
 def counts_figure(times: Array, inliers: NDArray[np.integer], predicted: Array, names: Sequence[str]) -> str:
@@ -68,7 +105,8 @@ def error_figure(times: Array, errors: Array) -> str:
     """Distance to the truth (M,) in metres over `times` (s), with its root mean square."""
     figure, axes = new_figure(11.6, 2.6)
     keep = thinned(len(times))
-    seconds, centimetres = times[keep] - times[0], 100.0 * errors[keep]
+    seconds = broken(times[keep], times[keep] - times[0])
+    centimetres = broken(times[keep], 100.0 * errors[keep])
     rms = 100.0 * float(np.sqrt(np.mean(errors**2)))
     axes.fill_between(seconds, centimetres, color=ERROR_COLOUR, alpha=0.18, lw=0)
     axes.plot(seconds, centimetres, color=ERROR_COLOUR, lw=1.3, label="distance to truth")

@@ -65,7 +65,10 @@ def slam_figures(report: SlamReport) -> Mapping[str, Markup]:
     if len(report.positions):
         aligned = truth.positions if truth else None
         unit = "m" if report.metric else "map units"
-        drawn["path"] = figures.path_figure(report.positions, report.keyframes, report.cloud, aligned, unit)
+        way = report.pose_times, report.positions, report.keyframes, report.cloud
+        drawn["path"] = figures.path_figure(*way, aligned, unit)
+    if report.apart:
+        drawn["apart"] = figures.apart_figure(report.apart, "map units")
     if len(report.times) > 1:
         expected = report.predicted.sum(axis=1)
         drawn["counts"] = figures.counts_figure(report.times, report.inliers, expected, report.view_names)

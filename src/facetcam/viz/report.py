@@ -65,6 +65,8 @@ class SlamReport:
     positions: Array = field(default_factory=no_positions)  # (M, 3)
     keyframes: Array = field(default_factory=no_positions)  # (K, 3)
     cloud: Array = field(default_factory=no_positions)  # (P, 3)
+    # times and positions, by a name, of the paths in maps that never met this one
+    apart: Mapping[str, tuple[Array, Array]] = field(default_factory=dict)
     timing: Mapping[str, Sequence[float]] = field(default_factory=dict)  # seconds a call of each stage
     pictures: Sequence[Picture] = ()  # raw frames with their tracks
     truth: Truth | None = None

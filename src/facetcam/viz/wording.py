@@ -34,9 +34,10 @@ def opened(report: SlamReport, sentence: str) -> str:
 
 def tracked_words(report: SlamReport) -> str:
     frames = len(report.times)
+    where = f" in {1 + len(report.apart)} maps that never met" if report.apart else ""
     if report.tracked >= frames:
-        return f"every one of {plural(frames, 'frame')} was tracked"
-    return f"{report.tracked} of {plural(frames, 'frame')} were tracked ({share(report)})"
+        return f"every one of {plural(frames, 'frame')} was tracked{where}"
+    return f"{report.tracked} of {plural(frames, 'frame')} were tracked{where} ({share(report)})"
 
 
 def scale_words(report: SlamReport) -> str:
