@@ -36,7 +36,7 @@ Array = NDArray[np.floating]
 def path_figure(
     times: Array, path: Array, keyframes: Array, cloud: Array, truth: Array | None, unit: str = "m"
 ) -> str:
-    """Path (N, 3) over `times`, keyframes (K, 3), map points (P, 3) and truth (N, 3) from above, in `unit`."""
+    """Path (N, 3) over `times`, keyframes (K, 3), map (P, 3) and truth (N, 3) from above, in `unit`."""
     figure, axes = new_figure(6.8, 6.2)
     plane = ground(path)
     if len(cloud):
@@ -77,7 +77,8 @@ def draw_way(axes: Axes, times: Array, path: Array) -> None:
 def broken(times: Array, values: Array) -> Array:
     """Rows over `times`, with a row of nan where frames are missing, so that no line is drawn there."""
     steps = np.diff(times)
-    gaps = np.flatnonzero(steps > GAP * np.median(steps)) + 1 if len(steps) else []
+    usual = np.median(steps) if len(steps) else 0.0
+    gaps = np.flatnonzero(steps > GAP * usual) + 1
     inserted: Array = np.insert(values.astype(float), gaps, np.nan, axis=0)
     return inserted
 
