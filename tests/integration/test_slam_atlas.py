@@ -89,6 +89,7 @@ def test_each_map_keeps_its_own_path(parted: tuple[Slam, list[State]], drive: Dr
         errors = evaluate(path, (times, drive.poses), max_gap=0.001)
         assert errors.ate_scaled.rmse < 0.02
     assert sum(len(path[0]) for path in paths) > FRAMES - 10
+    assert np.diff(paths[0][0]).max() < 0.15  # frames between the two that began it have poses, too
 
 
 def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
+from facetcam.slam.fix import Fix
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
@@ -60,8 +63,9 @@ class Resumer:
         self._map.since = len(self._map.keyframes)
         T_world_aside = T_world_rig @ se3.inverse(start.last.T_world_rig)
         first, last = (self._insert(k, T_world_aside, covariance) for k in (start.first, start.last))
+        solved = [(timestamp, _carried(fix, T_world_aside)) for timestamp, fix in start.solved]
         self.forget()
-        return Start(first, last, [], start.T_step, start.step)
+        return Start(first, last, solved, start.T_step, start.step)
 
     def _insert(self, keyframe: Keyframe, T_world_aside: Array, covariance: Array | None) -> Keyframe:
         assert keyframe.frame is not None
@@ -78,3 +82,9 @@ class Resumer:
         self._in_vain = 0
         self._starter.forget()
         self._aside.clear()
+
+
+def _carried(fix: Fix, T_world_aside: Array) -> Fix:
+    """A fix in another world; the points that it saw are those of the map aside."""
+    pose = replace(fix.pose, T_world_rig=T_world_aside @ fix.T_world_rig)
+    return replace(fix, pose=pose, seen=Measurements.none())
