@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import json
 import zipfile
 from dataclasses import replace
@@ -242,6 +243,13 @@ def test_pickles_are_never_opened(saved: Path, tmp_path: Path) -> None:
         archive.writestr("points.xyz.npy", part.getvalue())
     with pytest.raises(MapError, match="not a map"):
         read_map(tmp_path / "plain.facetmap")
+
+
+def test_folders_and_pipes_are_no_maps(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")  # nobody writes into it: opening it would wait for ever
+    for place in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(MapError, match="is not a file"):
+            read_map(place)
 
 
 def test_maps_of_other_rigs_are_refused_with_what_differs(saved: Path) -> None:

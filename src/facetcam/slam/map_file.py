@@ -131,6 +131,8 @@ def read_map(path: Path | str) -> tuple[MapHeader, Arrays]:
         If the file is missing, no map, of a newer version, or damaged.
     """
     path = Path(path)
+    if path.exists() and not path.is_file():  # a pipe would be waited for, whatever else happens
+        raise MapError(f"{path}: is not a file")
     try:
         with zipfile.ZipFile(path) as archive:
             head = _head(path, archive)
