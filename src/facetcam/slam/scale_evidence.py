@@ -24,6 +24,7 @@ _GRID = np.linspace(-LARGEST, LARGEST, 1401)
 _ALIKE = 0.005  # stretches that are taken for one
 _WITHIN = 3.0  # sigmas
 _BY_NOISE = 1.5  # sigmas by which map and test may differ before it counts as an error of the scale
+_LARGER = 1.65  # times as far as they scatter hand-overs erred on films with a truth: they share a bent map
 _SHARED = 3.0  # standard deviations of the noise that errors which many sightings share may be large
 _STEPS = 4
 _TINY = 1e-6  # of a point's largest information, which holds what its view cannot tell
@@ -63,7 +64,7 @@ class Evidence:
         times as large, so far as the test, or an earlier one, has not found the scale to be right; what the
         two differ by beyond noise is one.
         """
-        told = min(self.sigma, earlier)
+        told = min(_LARGER * self.sigma, earlier)
         expected = np.hypot(scale_sigma, told)
         if not (np.isfinite(told) and abs(self.stretch) < _WITHIN * expected):
             return np.inf
