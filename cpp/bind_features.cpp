@@ -55,7 +55,7 @@ KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const T
                                   cell,
                                   oriented,
                                   threads,
-                                  isa < 0 ? best_isa() : static_cast<Isa>(isa)};
+                                  usable_isa(isa)};
     const std::vector<std::int16_t> transfer(table.data(), table.data() + table.size());
     std::vector<Keypoint> found;
     {

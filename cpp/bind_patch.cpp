@@ -34,8 +34,7 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
             "align_patches: expected patches (N,P,P), offsets (N,2), warps (N,2,2), start (N,2)");
     const facetcam::Grey8 level0 = grey(full), level1 = grey(half);
     const int size = static_cast<int>(patches.shape(1));
-    const facetcam::Isa best = facetcam::best_isa(), wanted = static_cast<facetcam::Isa>(isa);
-    const auto align = facetcam::patch_aligner(isa < 0 || wanted > best ? best : wanted);
+    const auto align = facetcam::patch_aligner(facetcam::usable_isa(isa));
     float* out = new float[n * 4];
     nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });
     {

@@ -14,8 +14,6 @@ extern const RowKernels kernels;
 }
 
 const RowKernels& row_kernels(Isa isa) {
-    const Isa best = best_isa();
-    if (isa > best) isa = best;
     return isa == Isa::avx512 ? avx512::kernels : isa == Isa::avx2 ? avx2::kernels : baseline::kernels;
 }
 #else

@@ -47,7 +47,7 @@ struct RowKernels {
     void (*stretch)(const float* near, const float* far, float weight, bool odd, int n, float* out);
 };
 
-// Those of the wanted instruction set, or of the best one that the machine has.
+// Those of an instruction set that the machine has.
 const RowKernels& row_kernels(Isa isa);
 
 }  // namespace facetcam

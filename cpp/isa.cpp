@@ -12,4 +12,9 @@ Isa best_isa() {
     return Isa::baseline;
 }
 
+Isa usable_isa(int wanted) {
+    const Isa best = best_isa();
+    return wanted < 0 || wanted > static_cast<int>(best) ? best : static_cast<Isa>(wanted);
+}
+
 }  // namespace facetcam
