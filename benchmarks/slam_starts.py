@@ -1,5 +1,8 @@
 """Errors of scales against their sigmas over many runs: films of other rigs that begin some frames later.
 
+Beside the scale of each map what its hand-overs want of it is compared with the truth, in sigmas of their
+scatter: by so much, about, `facetcam.slam.scale_evidence` counts them as less sure.
+
 What a map of a hard film becomes hangs on chance; films that begin elsewhere draw again. Films are rendered
 once into a cache folder, as by `slam_rigs.py`.
 """
@@ -35,13 +38,17 @@ class Case(NamedTuple):
 
 
 class Result(NamedTuple):
-    """Share of the frames with a pose, error in metres, error of the scale and its sigma; metric or not."""
+    """Share of the frames with a pose, error in metres, error of the scale and its sigma; metric or not.
+
+    `handovers` is the error of what hand-overs want, in sigmas of their scatter; nan where there are none.
+    """
 
     tracked: float
     ate: float
     off: float
     sigma: float
     metric: bool
+    handovers: float
 
     @property
     def in_sigmas(self) -> float:
@@ -67,8 +74,14 @@ def run(case: Case) -> Result | None:
     if len(path[0]) < 3:
         return None
     errors = evaluate(path, inputs.truth, 0.02)
-    tracked = len(path[0]) / frames
-    return Result(tracked, errors.ate.rmse, errors.scale_error, slam.scale_sigma, slam.metric)
+    tracked, off = len(path[0]) / frames, errors.scale_error
+    return Result(tracked, errors.ate.rmse, off, slam.scale_sigma, slam.metric, handover_error(slam, off))
+
+
+def handover_error(slam: Slam, off: float) -> float:
+    """How far what hand-overs want of a map's scale is from the truth, in sigmas."""
+    told = slam._parts.mapper.handovers.evidence()
+    return float((np.log1p(off) + told.stretch) / told.sigma) if np.isfinite(told.sigma) else np.nan
 
 
 def row(case: Case, result: Result | None) -> list[str]:
@@ -90,10 +103,12 @@ def row(case: Case, result: Result | None) -> list[str]:
 def words(results: list[Result]) -> str:
     """What all runs together say."""
     metric = np.array([r.in_sigmas for r in results if r.metric])
-    rms = np.sqrt(np.mean(metric**2)) if len(metric) else np.nan
+    told = np.array([r.handovers for r in results if r.metric])
+    rms, told_rms = (np.sqrt(np.mean(x**2)) if len(x) else np.nan for x in (metric, told))
     return (
         f"{len(results)} runs: {len(metric)} METRIC, {np.sum(metric > 3)} of them off by over three sigmas"
-        f" ({metric.max(initial=0.0):.1f} at most, root mean square {rms:.2f});"
+        f" ({metric.max(initial=0.0):.1f} at most, root mean square {rms:.2f}),"
+        f" what their hand-overs want by {told_rms:.2f} of its scatter;"
         f" ATE {100 * np.median([r.ate for r in results]):.2f} cm at the median"
     )
 
