@@ -119,6 +119,17 @@ def test_the_creep_stays_with_the_map_and_goes_with_it(saved: Path, tmp_path: Pa
     assert not again.nuisances.any() and again.rig_as_seen.camera == again.rig.camera
 
 
+def test_what_repeats_stays_known_and_a_map_that_never_knew_is_read(saved: Path, tmp_path: Path) -> None:
+    header, arrays = read_map(saved)
+    assert 0.05 < arrays["points.repeated"].mean() < 0.95
+    older = {name: array for name, array in arrays.items() if name != "points.repeated"}
+    write_map(tmp_path / "older.facetmap", header, older)
+    for path, known in ((saved, arrays["points.repeated"]), (tmp_path / "older.facetmap", False)):
+        slam = Slam(folded())
+        slam.load_map(path)
+        np.testing.assert_array_equal(slam._map.points.repeated, known)
+
+
 @pytest.mark.parametrize("creep", [np.zeros(3), np.full(2, np.nan), np.zeros((2, 2)), np.array(["a", "b"])])
 def test_a_map_with_a_creep_that_is_none_is_refused(saved: Path, tmp_path: Path, creep: Array) -> None:
     header, arrays = read_map(saved)

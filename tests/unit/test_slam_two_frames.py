@@ -50,12 +50,17 @@ def test_matches_along_epipolars_are_those_of_all_pairs(ryu: Optics) -> None:
         distance = hamming(a.descriptors[own], b.descriptors[own])
         errors = epipolar_error(a.plane[own][:, None], b.plane[own][None], view, MOTION, ryu)
         distance[np.abs(errors) > 2.0] = 10000
-        rows, columns = mutual_best(distance, config.match_ratio, config.match_distance)
-        expected += zip(own[rows], own[columns])
+        limits = (config.match_ratio, config.match_distance)
+        forth = zip(*mutual_best(distance, *limits))
+        back = {(row, column) for column, row in zip(*mutual_best(distance.T, *limits))}
+        expected += [(own[row], own[column]) for row, column in forth if (row, column) in back]
     every = np.arange(len(pairs))
     found = match_along_epipolars(a, every, b, every, MOTION, 2.0, ryu, config)
     assert list(zip(*found)) == expected
     assert 100 < len(expected) < len(pairs)
+    some = every[rng.random(len(every)) < 0.6]  # the others are taken, and yet look as these do
+    taken = match_along_epipolars(a, some, b, every, MOTION, 2.0, ryu, config)
+    assert list(zip(*taken)) == [pair for pair in expected if pair[0] in set(some)]
 
 
 def test_epipolar_error_is_opencvs_sampson_distance(ryu: Optics) -> None:

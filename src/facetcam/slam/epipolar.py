@@ -52,20 +52,30 @@ def match_along_epipolars(
     Returns
     -------
     rows_a, rows_b : (M,) arrays
-        Mutual best matches that are clearly better than the second best on the line.
+        Mutual best matches that are clearly better than the second best on the line, in either frame. The
+        corners of all other rows count there: a pattern that repeats is mistaken for its neighbour as soon
+        as that one is left out.
     """
     pairs = []
-    for view in range(optics.n_views):
-        in_a, in_b = rows_a[a.views[rows_a] == view], rows_b[b.views[rows_b] == view]
-        if not len(in_a) or not len(in_b):
-            continue
+    for view in np.intersect1d(a.views[rows_a], b.views[rows_b]).tolist():
+        in_a, in_b = np.flatnonzero(a.views == view), np.flatnonzero(b.views == view)
         distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
         i, j = np.nonzero(distance <= config.match_distance / config.match_ratio)  # others change no match
         error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view, T_a_b, optics)
         aside = np.abs(error) > gate
         distance[i[aside], j[aside]] = _FAR
-        best_a, best_b = mutual_best(distance, config.match_ratio, config.match_distance)
+        best_a, best_b = _clear_both_ways(distance, config)
         pairs.append((in_a[best_a], in_b[best_b]))
     if not pairs:
         return rows_a[:0], rows_b[:0]
-    return np.concatenate([p[0] for p in pairs]), np.concatenate([p[1] for p in pairs])
+    a_rows, b_rows = (np.concatenate(side) for side in zip(*pairs))
+    wanted = np.isin(a_rows, rows_a) & np.isin(b_rows, rows_b)
+    return a_rows[wanted], b_rows[wanted]
+
+
+def _clear_both_ways(distance: NDArray[np.int32], config: SlamConfig) -> tuple[Index, Index]:
+    """Rows and columns that are each other's best, clearly better than the second best of either."""
+    limits = (config.match_ratio, config.match_distance)
+    rows, columns = mutual_best(distance, *limits)
+    clear = np.isin(columns, mutual_best(distance.T, *limits)[0])
+    return rows[clear], columns[clear]

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from facetcam.errors import FacetcamError
 from facetcam.features import SIICF, Keypoints, describe
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
+from facetcam.features.matching import hamming
 from facetcam.slam.optics import Optics
 
 Image = NDArray[np.uint8]
 
+_ALIKE = 40  # bits by which descriptors of one corner in two frames differ easily
+_BESIDE = 6.0  # px within which two corners are one thing
 _LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
 
 
@@ -103,6 +106,18 @@ class Features(Protocol):
         self, image: Image, keypoints: Keypoints, flipped: bool
     ) -> tuple[Keypoints, NDArray[np.uint8]]:
         """Descriptors (M, 32) of those keypoints that have one, turned by their angle; see `describe`."""
+
+
+def repeated(corners: Corners, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Tell which rows of corners another corner of their view looks like."""
+    out = np.zeros(len(rows), dtype=bool)
+    for view in np.unique(corners.views[rows]):
+        own, others = np.flatnonzero(corners.views[rows] == view), np.flatnonzero(corners.views == view)
+        alike = hamming(corners.descriptors[rows[own]], corners.descriptors[others]) < _ALIKE
+        i, j = np.nonzero(alike)
+        apart = np.linalg.norm(corners.pixels[rows[own[i]]] - corners.pixels[others[j]], axis=1) > _BESIDE
+        out[own[i[apart]]] = True
+    return out
 
 
 FrontEnd = Callable[[int, int], Features]  # of the number of corners, and of a cell's side in pixels

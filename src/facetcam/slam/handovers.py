@@ -70,12 +70,13 @@ class Handovers:
             keyframe.handovers = _at_one_place(sightings)
 
     def _within_reach(self, keyframe: Keyframe, views: NDArray[np.int8]) -> Index:
-        """Points of the keyframes around one that other views than their own might see at some scale."""
+        """Points of a kind, of the keyframes around one, that other views than their own might see at some scale."""
         first, last = keyframe.index - _NEAR, keyframe.index + _NEAR + 1
         ids = self._map.observed_points(self._map.keyframes[max(first, 0) : last])
         points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), self._map.points.xyz[ids])
         seen = np.any([self._optics.project(f * points_rig)[1] for f in _FEW_FACTORS], axis=0)
         seen[views[ids], np.arange(len(ids))] = False
+        seen &= ~self._map.points.repeated[ids]
         return np.asarray(ids[seen.any(axis=0)])
 
     def take_up(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.geometry import se3
-from facetcam.slam.frame import Corners, Frame
+from facetcam.slam.frame import Corners, Frame, repeated
 from facetcam.slam.optics import Optics
 from facetcam.slam.threads import FairLock
 
@@ -108,6 +108,7 @@ class Points:
     jacobian : (N, 2, 2) pixels that these steps made
     descriptor : (N, D) uint8
     colour : (N, 3) uint8 RGB
+    repeated : (N,) bool, another corner of its view looked the same
     alive : (N,) bool
     predicted, found : (N,) how often the point was expected in a view, and measured there
     """
@@ -119,6 +120,7 @@ class Points:
     jacobian: Array
     descriptor: NDArray[np.uint8]
     colour: NDArray[np.uint8]
+    repeated: NDArray[np.bool_]
     alive: NDArray[np.bool_]
     predicted: NDArray[np.int32]
     found: NDArray[np.int32]
@@ -133,6 +135,7 @@ class Points:
             "jacobian": np.zeros((_CAPACITY, 2, 2)),
             "descriptor": np.zeros((_CAPACITY, DESCRIPTOR_BYTES), np.uint8),
             "colour": np.zeros((_CAPACITY, 3), np.uint8),
+            "repeated": np.zeros(_CAPACITY, np.bool_),
             "alive": np.zeros(_CAPACITY, np.bool_),
             "predicted": np.zeros(_CAPACITY, np.int32),
             "found": np.zeros(_CAPACITY, np.int32),
@@ -223,6 +226,21 @@ class Map:
             seen[keyframe.observations.point] = True
         return np.flatnonzero(seen & self.points.alive)
 
+    def unmistakable(
+        self, point: Index, view: NDArray[np.int8], keyframes: list[Keyframe]
+    ) -> NDArray[np.bool_]:
+        """Tell which points (N,) may be sought in which views (N,): in a new one only those of a kind.
+
+        Of what repeats, patches near a prediction find the neighbour once a map is bent, and then bend it for
+        good. Where one of the keyframes saw it, it is followed all the same.
+        """
+        shown = np.zeros((int(view.max(initial=0)) + 1, len(self.points)), dtype=bool)
+        for keyframe in keyframes:
+            seen = keyframe.observations
+            rows = seen.view < len(shown)
+            shown[seen.view[rows], seen.point[rows]] = True
+        return np.asarray(shown[view, point] | ~self.points.repeated[point])
+
     def covisible(self, points: Index, keyframes: list[Keyframe]) -> list[Keyframe]:
         """Those of the keyframes that saw any of these points, the one that saw most of them first."""
         wanted = np.zeros(len(self.points), dtype=bool)
@@ -266,6 +284,7 @@ class Map:
             jacobian=jacobian[kept],
             descriptor=keyframe.corners.descriptors[corner[kept]],
             colour=keyframe.frame.colours[corner[kept]],
+            repeated=repeated(keyframe.corners, corner[kept]),
         )
         return ids, kept
 

@@ -16,7 +16,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 
-POINTS = ("xyz", "patch", "offset", "tangent", "jacobian", "descriptor", "colour", "predicted", "found")
+_LATER = ("repeated",)  # not in the first maps
+POINTS = ("xyz", "patch", "offset", "tangent", "jacobian", "descriptor", "colour", "predicted", "found", *_LATER)
 
 
 def to_arrays(map: Map, places: Places) -> Arrays:
@@ -84,13 +85,14 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
         _check_range(arrays[f"{name}.point"], n_points, f"{name}.point")
         _check_range(arrays[f"{name}.keyframe"], n_keyframes, f"{name}.keyframe")
     _check_range(arrays["observations.view"], optics.n_views, "observations.view")
-    map.points.extend(**{name: arrays[f"points.{name}"] for name in POINTS})
+    known = [name for name in POINTS if name not in _LATER or f"points.{name}" in arrays]
+    map.points.extend(**{name: arrays[f"points.{name}"] for name in known})
     if "camera.creep" in arrays:  # not in the first maps
         map.creep = arrays["camera.creep"].copy()
         optics.creep_to(map.creep)
     map.keyframes.extend(_keyframe(arrays, k, optics) for k in range(n_keyframes))
-    known = Sightings(*(arrays[f"sightings.{column}"] for column in ("point", "keyframe", "descriptor")))
-    places.restore(known, n_keyframes)
+    seen = Sightings(*(arrays[f"sightings.{column}"] for column in ("point", "keyframe", "descriptor")))
+    places.restore(seen, n_keyframes)
 
 
 def _keyframe(arrays: Arrays, k: int, optics: Optics) -> Keyframe:

@@ -210,7 +210,9 @@ class Mapper:
             return
         ids = np.unique(keyframe.observations.point)
         predictions = predict(self._map.points, ids, other.T_world_rig, self._optics)
-        predictions = predictions.take(~other.observations.has(predictions.point, predictions.view))
+        seen = (predictions.point, predictions.view)
+        sought = ~other.observations.has(*seen) & self._map.unmistakable(*seen, [keyframe])
+        predictions = predictions.take(sought)
         found, hit = measure(other.frame, predictions, self._map.points, self._optics, self._config)
         near = np.linalg.norm(found.pixels - predictions.pixels[hit], axis=1) < self._config.gate
         found = found.take(near)

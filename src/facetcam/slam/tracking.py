@@ -151,6 +151,8 @@ class Tracker:
         near = self._local_points(predicted) if ids is None else ids
         far = self._points_in_sight(predicted) if ids is None else _NONE
         expected = predict(points, np.union1d(near, far), predicted, self._optics)
+        around = [*self._map.near(predicted[:3, 3], _WIDE_KEYFRAMES), *self._map.keyframes[-config.window :]]
+        expected = expected.take(self._map.unmistakable(expected.point, expected.view, around))
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, found = measure(frame, expected, points, self._optics, config)
         expected = expected.take(found | np.isin(expected.point, near))
