@@ -70,7 +70,7 @@ class Handovers:
             keyframe.handovers = _at_one_place(sightings)
 
     def _within_reach(self, keyframe: Keyframe, views: NDArray[np.int8]) -> Index:
-        """Points of a kind, of the keyframes around one, that other views than their own might see at some scale."""
+        """Points of the keyframes around one that other views might see at some scale: none that repeats."""
         first, last = keyframe.index - _NEAR, keyframe.index + _NEAR + 1
         ids = self._map.observed_points(self._map.keyframes[max(first, 0) : last])
         points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), self._map.points.xyz[ids])

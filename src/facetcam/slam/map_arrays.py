@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Arrays = dict[str, NDArray[Any]]
 
-_LATER = ("repeated",)  # not in the first maps
-POINTS = ("xyz", "patch", "offset", "tangent", "jacobian", "descriptor", "colour", "predicted", "found", *_LATER)
+POINTS = ("xyz", "patch", "offset", "tangent", "jacobian", "descriptor", "colour", "predicted", "found")
+LATER = ("repeated",)  # not in the first maps
 
 
 def to_arrays(map: Map, places: Places) -> Arrays:
@@ -25,7 +25,7 @@ def to_arrays(map: Map, places: Places) -> Arrays:
     alive = np.flatnonzero(map.points.alive)
     new_id = np.full(len(map.points), -1, np.int64)
     new_id[alive] = np.arange(len(alive))
-    arrays: Arrays = {f"points.{name}": getattr(map.points, name)[alive] for name in POINTS}
+    arrays: Arrays = {f"points.{name}": getattr(map.points, name)[alive] for name in (*POINTS, *LATER)}
     arrays["camera.creep"] = map.creep
     return arrays | _keyframes(map) | _observations(map, new_id) | _sightings(map, places, new_id)
 
@@ -85,7 +85,7 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
         _check_range(arrays[f"{name}.point"], n_points, f"{name}.point")
         _check_range(arrays[f"{name}.keyframe"], n_keyframes, f"{name}.keyframe")
     _check_range(arrays["observations.view"], optics.n_views, "observations.view")
-    known = [name for name in POINTS if name not in _LATER or f"points.{name}" in arrays]
+    known = [*POINTS, *(name for name in LATER if f"points.{name}" in arrays)]
     map.points.extend(**{name: arrays[f"points.{name}"] for name in known})
     if "camera.creep" in arrays:  # not in the first maps
         map.creep = arrays["camera.creep"].copy()

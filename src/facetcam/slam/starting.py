@@ -181,7 +181,7 @@ class Starter:
         if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
-        solved += self._before(a, passed)
+        solved += self._before(a, b, passed)
         before = waiting[-2].frame.timestamp
         T_step = se3.inverse(_interpolated(a, b, before)) @ b.T_world_rig
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
@@ -223,16 +223,18 @@ class Starter:
                 rare[home == view] = False
         self._mapper.drop(rare)
 
-    def _before(self, a: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
-        """Poses of the frames that were left behind, from the first keyframe backwards."""
+    def _before(self, a: Keyframe, b: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
+        """Poses of the frames that were left behind, from the first keyframe backwards as the rig came."""
         solved = []
-        T = a.T_world_rig
+        T, time, twist = a.T_world_rig, a.timestamp, _twist(a, b)
         for before in reversed(passed):
-            fix = self._tracker.find(before.frame, T)
+            elapsed = before.frame.timestamp - time
+            fix = self._tracker.find(before.frame, T @ se3.exp(elapsed * twist), T)
             if not _is_clear(fix):
                 break
-            T = fix.T_world_rig
-            solved.append((before.frame.timestamp, fix))
+            twist = se3.log(se3.inverse(T) @ fix.T_world_rig) / elapsed
+            T, time = fix.T_world_rig, before.frame.timestamp
+            solved.append((time, fix))
         return solved
 
 
@@ -240,7 +242,11 @@ def _is_clear(fix: Fix | None) -> TypeGuard[Fix]:
     return fix is not None and fix.clear
 
 
+def _twist(a: Keyframe, b: Keyframe) -> Array:
+    """Right-hand twist (6,) a second from one keyframe to the other."""
+    return se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig) / (b.timestamp - a.timestamp)
+
+
 def _interpolated(a: Keyframe, b: Keyframe, timestamp: float) -> Array:
     """Pose between two keyframes at a constant twist."""
-    share = (timestamp - a.timestamp) / (b.timestamp - a.timestamp)
-    return a.T_world_rig @ se3.exp(share * se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig))
+    return a.T_world_rig @ se3.exp((timestamp - a.timestamp) * _twist(a, b))
