@@ -1,4 +1,4 @@
-"""Which points of a first map are kept: those that the frames between its two keyframes show, too."""
+"""A first map: points that the frames between its two keyframes show, too, and frames from before it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 from slam_worlds import folded
 
+from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Keyframe
 from facetcam.slam.parts import Parts
@@ -48,3 +49,24 @@ def test_too_few_frames_tell_nothing() -> None:
 def test_a_view_that_lacks_many_is_heard_all_the_same() -> None:
     """Half of the six points that may tell the scale: then rather the scale is wrong."""
     assert dropped(4, [3, 41, 43, 45]) == [3]
+
+
+def test_frames_from_before_the_map_are_sought_where_the_rig_came_from() -> None:
+    """Ten centimetres and a degree a frame: patches reach less far than the rig goes."""
+    twist = np.array([0.0, 0.0, 0.175, 1.0, 0.1, 0.0])  # a second
+    sought = {}
+
+    def find(frame: Any, *predicted: Any) -> Any:
+        sought[frame.timestamp] = predicted[0]
+        return SimpleNamespace(clear=frame.timestamp > 0.45, T_world_rig=se3.exp(frame.timestamp * twist))
+
+    starter = Parts.assemble(folded(), SlamConfig()).starter
+    starter._tracker = cast(Any, SimpleNamespace(find=find))
+    times = (0.1, 0.3, 0.4, 0.5, 0.6, 0.8)  # one frame is missing
+    passed = [SimpleNamespace(frame=SimpleNamespace(timestamp=t)) for t in times]
+    a, b = (Keyframe(k, t, se3.exp(t * twist), cast(Any, None), None, None) for k, t in enumerate((0.9, 1.4)))
+    solved = starter._before(a, b, cast(Any, passed))
+    assert [time for time, _ in solved] == [0.8, 0.6, 0.5]
+    assert sorted(sought) == [0.4, 0.5, 0.6, 0.8]  # the first one that is not clear ends it
+    for time, T in sought.items():
+        np.testing.assert_allclose(T, se3.exp(time * twist), atol=1e-9)
