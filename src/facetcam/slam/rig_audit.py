@@ -14,7 +14,7 @@ from facetcam.slam.rig_refinement import rig_equations
 from facetcam.slam.scale import map_uncertainty
 
 # True rigs gain as much as numbers that are free to move do by chance, about the root of their count (16-22),
-# and up to half as much again, as errors are shared; a lens that is wrong by 1 % makes the house's loop gain 14.
+# and up to half as much again, as errors are shared; a lens wrong by 1 % makes the house's loop gain 14.
 _BY_CHANCE = 7.0
 _NOTABLE = 0.5  # of what a careful build leaves open
 
