@@ -229,10 +229,10 @@ class Map:
     def unmistakable(
         self, point: Index, view: NDArray[np.int8], keyframes: list[Keyframe]
     ) -> NDArray[np.bool_]:
-        """Tell which points (N,) may be sought in which views (N,): in a new one only those of a kind.
+        """Tell which points (N,) may be sought in which views (N,): what repeats only where it was seen.
 
-        Of what repeats, patches near a prediction find the neighbour once a map is bent, and then bend it for
-        good. Where one of the keyframes saw it, it is followed all the same.
+        Once a map is bent, patches near a prediction find the neighbour of what repeats, and bend it for
+        good. In a view in which one of the keyframes saw it, it is followed all the same.
         """
         shown = np.zeros((int(view.max(initial=0)) + 1, len(self.points)), dtype=bool)
         for keyframe in keyframes:
