@@ -12,9 +12,9 @@ from facetcam.rig import Camera, Rig, presets
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.frame import Corners
 from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.measured_motion import Measured
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs
-from facetcam.slam.two_frames import Measured
 
 Array = NDArray[np.float64]
 

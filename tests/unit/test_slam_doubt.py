@@ -90,6 +90,26 @@ def test_a_pattern_that_repeats_refutes_nothing(ryu: Optics) -> None:
     assert refuting_motion(pairs, MOTION, ryu) is None
 
 
+@pytest.mark.parametrize("view", range(1, 4))
+def test_three_views_refute_what_people_in_the_fourth_have_led_far_astray(ryu: Optics, view: int) -> None:
+    pairs = world(ryu, [view], 8)
+    assert np.linalg.norm(se3.log(se3.inverse(MOTION) @ ANOTHER)[:3]) > 0.1
+    found = refuting_motion(pairs, ANOTHER, ryu)
+    assert found is not None
+    assert np.linalg.norm(se3.log(se3.inverse(found) @ MOTION)[:3]) < 0.003
+    two = only(pairs, [view, *({0, 1, 2, 3} - {view})][:3])
+    assert refuting_motion(two, ANOTHER, ryu) is None  # a pattern may fool two
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_three_views_deny_a_motion_though_a_third_of_their_pairs_are_false(ryu: Optics, seed: int) -> None:
+    rng = np.random.default_rng([63, seed])
+    true, lie = (true_pairs(ryu, T, rng) for T in (MOTION, ANOTHER))
+    pairs = joined(spoiled(true.without(np.array([1])), ryu, rng, 0.33, 0.3), only(lie, [1]))
+    assert is_denied(pairs, ANOTHER, ryu)
+    assert not is_denied(pairs, MOTION, ryu)
+
+
 def test_neither_a_view_that_lies_nor_chance_refutes(ryu: Optics) -> None:
     assert refuting_motion(world(ryu, [1], 7), MOTION, ryu) is None
     rng = np.random.default_rng(68)

@@ -255,3 +255,17 @@ def test_the_only_view_is_never_set_aside() -> None:
     pairs = true_pairs(optics, MOTION, rng)
     assert not len(views_aside(spoiled(pairs, optics, rng, 1.0, 0.3), MOTION, optics))
     assert not len(views_aside(still_in(pairs, 0, rng), MOTION, optics))
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_view_full_of_people_does_not_outnumber_the_others(ryu: Optics, view: int) -> None:
+    """Someone close walks through one view: its pairs shift by thirty pixels, as for a turn of the rig."""
+    rng = np.random.default_rng([37, view])
+    pairs = true_pairs(ryu, MOTION, rng, 10000)
+    own = pairs.views == view
+    shifted = np.where(own[:, None], pairs.plane_a + np.array([30.0, 2.0]), pairs.plane_b)
+    kept = [rng.permutation(np.flatnonzero(pairs.views == v))[: 400 if v == view else 40] for v in range(4)]
+    crowd = Pairs(pairs.views, pairs.plane_a, shifted).take(np.concatenate(kept))
+    assert 2 * np.sum(crowd.views == view) > len(crowd)
+    T = estimate_motion(spoiled(crowd, ryu, rng, 0.1, 0.3), ryu)
+    assert_motion(T, MOTION, degrees=0.3, direction=5.0)

@@ -21,6 +21,7 @@ _SURE = 0.8  # and above which it agrees with it beyond doubt
 _CLEAR = 0.4  # and above which it bears one out that refutes another
 _BETTER = 0.2  # by which another motion's share is larger
 _MOST_ASTRAY = 0.1  # radians
+_MANY = 3  # views whose false pairs do not agree on one motion by chance
 _ALIKE = 0.03  # radians between the turns, and between the ways, of motions that may differ in length alone
 
 
@@ -74,12 +75,15 @@ def is_denied(pairs: Pairs, T_a_b: Array, optics: Optics, wheels: Array | None =
 def _speaks_against(
     T_a_b: Array, another: Array, fitting: Array, pairs: Pairs, optics: Optics, besides: int = 0
 ) -> bool:
-    """Tell whether two witnesses or more, `besides` of which are no views, clearly prefer another motion."""
+    """Tell whether two witnesses or more, `besides` of which are no views, clearly prefer another motion.
+
+    Many views need be less clear.
+    """
     if _on_the_same_way(another, T_a_b):
         return False
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
     against, in_favour = otherwise > fitting + _BETTER, fitting > otherwise + _BETTER
-    clearly = bool(against.any() and np.all(otherwise[against] > _SURE))
+    clearly = bool(np.all(otherwise[against] > (_SURE if against.sum() < _MANY else _AGREEING)))
     return clearly and against.sum() + besides >= max(2, in_favour.sum() + 1)
 
 
@@ -87,15 +91,19 @@ def refuting_motion(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array | None:
     """The motion that several views show where they contradict this one; None where they do not.
 
     The map must be grown: its lengths are right, so small turns astray count, too. What turns quite otherwise
-    is a pattern that repeats, not what a bent map does to a pose.
+    is a pattern that repeats, not what a bent map does to a pose; unless one view alone bears the pose out
+    and three agree on the other: then people in that view have led the map astray.
     """
     witnesses, fitting = shares(pairs.views, pairs.fit(T_a_b, optics))
     another = _of_doubters(pairs, witnesses[fitting < _AGREEING], T_a_b, optics)
-    if another is None or np.linalg.norm(se3.log(se3.inverse(T_a_b) @ another)[:3]) > _MOST_ASTRAY:
+    if another is None:
         return None
+    quite_otherwise = np.linalg.norm(se3.log(se3.inverse(T_a_b) @ another)[:3]) > _MOST_ASTRAY
     otherwise = shares(pairs.views, pairs.fit(another, optics))[1]
-    against = (fitting < _AGREEING) & (otherwise > np.maximum(fitting + _BETTER, _CLEAR))
-    in_favour = fitting > otherwise + _BETTER
+    prefer, in_favour = otherwise > np.maximum(fitting + _BETTER, _CLEAR), fitting > otherwise + _BETTER
+    if quite_otherwise:
+        return another if prefer.sum() >= _MANY and in_favour.sum() == 1 else None
+    against = prefer & (fitting < _AGREEING)
     return another if against.sum() >= 2 and against.sum() > in_favour.sum() else None
 
 

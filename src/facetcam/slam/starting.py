@@ -18,6 +18,7 @@ from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.map import Keyframe, Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.measure import Measurements
+from facetcam.slam.measured_motion import Measured
 from facetcam.slam.odometry import planar_motion, planar_pose
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, in_sight
@@ -27,7 +28,6 @@ from facetcam.slam.two_frames import (
     MIN_MATCHES,
     STANDING,
     START_GATE,
-    Measured,
     confirmed_motion,
     enough_parallax,
     estimate_motion,

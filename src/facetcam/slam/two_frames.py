@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.epipolar import match_along_epipolars
 from facetcam.slam.frame import Corners
+from facetcam.slam.measured_motion import EPIPOLAR_SIGMA, MEASURED_SHARE, Measured
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import CLEAR_PARALLAX, EPIPOLAR_GATE, Pairs
 from facetcam.slam.proposals import joint_proposal, rig_motion, view_motions
@@ -25,8 +23,7 @@ MIN_MATCHES = 60
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _LEAST_GOOD = 30  # pairs with parallax that fit a motion
 _BEARING_OUT = 12  # of other views
-_CLEAR_SHARE = 0.4  # of the pairs that must show it
-_EPIPOLAR_SIGMA = 0.5  # px
+_CLEAR_SHARE = 0.5  # of a view's pairs that must show it, at the mean of the views
 _TWIST_STEP = 1e-6  # radians, metres
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
@@ -40,8 +37,6 @@ _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured 
 _MOST_ASIDE = 0.3  # radians by which they may correct its direction
 _MOST_STRETCHED = 2.0  # factor of its length
 _MOST_COLLAPSED = 4.0  # factor of a proposed length: lengths proposed span as much
-_ASIDE_SIGMA = 0.1  # radians: wheels slip to the side, floors rise
-_MEASURED_SHARE = 0.1  # of the pairs, for which it counts: what bends one pair bends others alike
 
 
 def enough_parallax(
@@ -90,8 +85,9 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     """Motion `T_a_b` between two frames from their corners alone, or None where they cannot tell.
 
     Each view proposes a rotation and a direction (PoseLib, five points), to which the length is added with
-    which all views agree best; the proposal that most views bear out wins, without the views that deny it.
-    `several` tells that more than one view has something to show, though it may not be found again here.
+    which all views agree best; where a view denies the best of them, all views but one propose, too. The one
+    that most views bear out wins, polished without those that deny it. `several` tells that more than one
+    view has something to show, though it may not be found again here.
     """
     undecided, pairs = _undecided(pairs), pairs.without(standing_views(pairs))
     if undecided or len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
@@ -99,13 +95,35 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     proposal = joint_proposal(pairs, view_motions(pairs, optics), optics)
     if proposal is None:
         return None
-    agreeing, best = _agreed(pairs, proposal, optics)
+    proposal, agreeing, best = _most_agreed(pairs, proposal, optics)
     if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics) or _collapsed(best, proposal):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
     fitting = float(np.mean(agreeing.fit(best, optics)))
     return best if fitting > _FITTING and good.sum() >= _LEAST_GOOD and borne_out else None
+
+
+def _most_agreed(pairs: Pairs, proposal: Array, optics: Optics) -> tuple[Array, Pairs, Array]:
+    """The proposal that most views bear out, the pairs of those that agree, and what they make of it."""
+    agreeing, best = _agreed(pairs, proposal, optics)
+    if np.all(shares(pairs.views, pairs.fit(best, optics))[1] >= _AGREEING):
+        return proposal, agreeing, best
+    tried = np.stack([best, *_of_all_but_one(pairs, optics)])
+    most = int(np.argmax(shares(pairs.views, pairs.fit(tried, optics))[1].sum(axis=-1)))
+    return (tried[most], *_agreed(pairs, tried[most], optics)) if most else (proposal, agreeing, best)
+
+
+def _of_all_but_one(pairs: Pairs, optics: Optics) -> list[Array]:
+    """What the others say without each view: people may fill it, and outnumber them all."""
+    witnesses = shares(pairs.views, pairs.move())[0]
+    motions = []
+    for view in witnesses if len(witnesses) > 2 else witnesses[:0]:
+        others = pairs.without(np.array([view]))
+        T = joint_proposal(others, {}, optics)
+        if T is not None and not _collapsed(best := polished(T, others, optics), T):
+            motions.append(best)
+    return motions
 
 
 def _collapsed(T_a_b: Array, T_proposed: Array) -> bool:
@@ -116,7 +134,8 @@ def _collapsed(T_a_b: Array, T_proposed: Array) -> bool:
 
 def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
     """False for a turn on the spot, and for too small a step to tell from one."""
-    return bool(np.mean(pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX) >= _CLEAR_SHARE)
+    share = shares(pairs.views, pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX)[1]
+    return bool(len(share) and share.mean() >= _CLEAR_SHARE)
 
 
 def _agreed(
@@ -129,31 +148,6 @@ def _agreed(
         agreeing = pairs if against is None else pairs.without(against)
         best = polished(best, agreeing, optics, measured)
     return agreeing, best
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A motion that wheels have measured, and how sure its turn is: standard deviations (3,) in radians."""
-
-    T_a_b: Array
-    turn_sigmas: Array
-
-    def off(self, T_a_b: Array) -> Array:
-        """By how much motions turn otherwise and go aside (..., 6), in standard deviations."""
-        turns = Rotation.from_matrix(self.T_a_b[:3, :3].T @ T_a_b[..., :3, :3]).as_rotvec()
-        aside = _direction(T_a_b) - _direction(self.T_a_b)
-        return np.concatenate([turns / self.turn_sigmas, aside / _ASIDE_SIGMA], axis=-1)
-
-    def misfit(self, T_a_b: Array) -> Array:
-        """Its part in a mean of distances in pixels, cut off alike."""
-        off = np.minimum(_EPIPOLAR_SIGMA * np.linalg.norm(self.off(T_a_b), axis=-1), EPIPOLAR_GATE)
-        return np.asarray(_MEASURED_SHARE * off)
-
-
-def _direction(T_a_b: Array) -> Array:
-    """Unit vectors (..., 3) of the ways of motions."""
-    way = T_a_b[..., :3, 3]
-    return np.asarray(way / np.maximum(np.linalg.norm(way, axis=-1, keepdims=True), 1e-9))
 
 
 def confirmed_motion(pairs: Pairs, measured: Measured, optics: Optics) -> Array | None:
@@ -230,13 +224,13 @@ def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | No
     What was `measured` counts for a share of the pairs.
     """
     length = float(np.linalg.norm(T_a_b[:3, 3]))
-    times = 0 if measured is None else max(round(_MEASURED_SHARE * len(pairs)), 1)
+    times = 0 if measured is None else max(round(MEASURED_SHARE * len(pairs)), 1)
 
     def residuals(twists: Array) -> Array:
         T = T_a_b @ se3.exp(twists)
         stretch = np.log(np.maximum(np.linalg.norm(T[..., :3, 3], axis=-1), 1e-9) / length)
         told = [pairs.epipolar_errors(T, optics), _LENGTH_PRIOR * stretch[..., None]]
-        told += [] if measured is None else times * [_EPIPOLAR_SIGMA * measured.off(T)]
+        told += [] if measured is None else times * [EPIPOLAR_SIGMA * measured.off(T)]
         return np.concatenate(told, axis=-1)
 
     def jacobian(twist: Array) -> Array:
@@ -244,6 +238,6 @@ def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | No
         return np.asarray((moved[:6] - moved[6:]).T / (2.0 * _TWIST_STEP))
 
     solution = least_squares(
-        residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=_EPIPOLAR_SIGMA, max_nfev=30
+        residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=EPIPOLAR_SIGMA, max_nfev=30
     )
     return T_a_b @ se3.exp(solution.x)
