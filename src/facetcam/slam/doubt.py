@@ -77,7 +77,7 @@ def _speaks_against(
 ) -> bool:
     """Tell whether two witnesses or more, `besides` of which are no views, clearly prefer another motion.
 
-    Many views need be less clear.
+    Of three views or more half of the pairs are enough: false ones do not agree on one motion by chance.
     """
     if _on_the_same_way(another, T_a_b):
         return False
