@@ -43,16 +43,17 @@ Lens::Distorted Lens::distort(double x, double y) const {
 }
 
 bool Lens::project(const double* point, double* pixel) const {
-    const double radius = std::hypot(point[0], point[1]);
     double x, y;
     if (kannala_brandt) {
+        const double radius = std::hypot(point[0], point[1]);
         const double angle = std::atan2(radius, point[2]);
         if (!(angle <= limit) || (radius == 0 && point[2] <= 0)) return false;
         const double scale = radius > 0 ? angle / radius : 0;
         x = point[0] * scale, y = point[1] * scale;
     } else {
-        if (!(point[2] > 0) || !(radius <= limit * point[2])) return false;
+        if (!(point[2] > 0)) return false;
         x = point[0] / point[2], y = point[1] / point[2];
+        if (!(x * x + y * y <= limit * limit)) return false;
     }
     const Distorted d = distort(x, y);
     pixel[0] = fx * d.x + cx;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
@@ -110,8 +112,17 @@ def exp(xi: ArrayLike) -> Array:
 
 def log(T: Array) -> Array:
     """Twist (6,) of a proper motion: the inverse of `exp` for rotations below pi."""
-    phi = Rotation.from_matrix(assert_proper_rotation(T[:3, :3], "log of a motion", 1e-5)).as_rotvec()
+    phi = _rotation_vector(assert_proper_rotation(T[:3, :3], "log of a motion", 1e-5))
     return np.concatenate([phi, np.linalg.solve(_left_jacobian(phi), T[:3, 3])])
+
+
+def _rotation_vector(R: Array) -> Array:
+    """Rotation vector (3,): SciPy's, in closed form where the antisymmetric part shows the axis."""
+    twice = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    sine, cosine = math.sqrt(twice @ twice), float(R[0, 0] + R[1, 1] + R[2, 2]) - 1.0
+    if cosine < 0.0:
+        return np.asarray(Rotation.from_matrix(R).as_rotvec(), dtype=np.float64)
+    return twice * (math.atan2(sine, cosine) / sine if sine > 0.0 else 0.5)
 
 
 def adjoint(T: Array) -> Array:

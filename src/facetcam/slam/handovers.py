@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _FACTORS = np.exp(np.linspace(-LARGEST, LARGEST, 31))  # patches are drawn in over the steps between
-_FEW_FACTORS = _FACTORS[::3]
+_FEW_FACTORS = _FACTORS[::6]
 _NEAR = 25  # keyframes before and after, whose points are sought
 _ONE_PLACE = 1.0  # px
 _LEAST_FINDS = 2  # scales from which a point must be found at its place

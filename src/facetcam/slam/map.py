@@ -48,7 +48,16 @@ class Observations:
 
     def has(self, point: Index, view: NDArray[np.int8]) -> NDArray[np.bool_]:
         """Tell which (point, view) pairs are observed already."""
-        return np.isin(point * 128 + view, self.point * 128 + self.view)
+        return _are_among([self], point, view)
+
+
+def _are_among(seen: list[Observations], point: Index, view: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Tell which (point, view) pairs (N,) any of the observations hold."""
+    points, views = np.concatenate([point, *(s.point for s in seen)]), [view, *(s.view for s in seen)]
+    rows = np.concatenate(views).astype(np.intp)
+    table = np.zeros((rows.max(initial=0) + 1, points.max(initial=0) + 1), dtype=bool)
+    table[rows[len(point) :], points[len(point) :]] = True
+    return np.asarray(table[rows[: len(point)], point])
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,12 +243,8 @@ class Map:
         Once a map is bent, patches near a prediction find the neighbour of what repeats, and bend it for
         good. In a view in which one of the keyframes saw it, it is followed all the same.
         """
-        shown = np.zeros((int(view.max(initial=0)) + 1, len(self.points)), dtype=bool)
-        for keyframe in keyframes:
-            seen = keyframe.observations
-            rows = seen.view < len(shown)
-            shown[seen.view[rows], seen.point[rows]] = True
-        return np.asarray(shown[view, point] | ~self.points.repeated[point])
+        shown = _are_among([k.observations for k in keyframes], point, view)
+        return np.asarray(shown | ~self.points.repeated[point])
 
     def covisible(self, points: Index, keyframes: list[Keyframe]) -> list[Keyframe]:
         """Those of the keyframes that saw any of these points, the one that saw most of them first."""

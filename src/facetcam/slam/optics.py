@@ -137,8 +137,8 @@ class Optics:
         T = self._T_image_rig
         local = points_rig @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3]
         pixels, valid = self.camera.project(local)
-        views = np.repeat(np.arange(self.n_views), len(points_rig))
-        valid &= self.view_of(pixels) == views
+        rows = np.flatnonzero(valid)
+        valid[rows] = self.view_of(pixels[rows]) == rows // max(len(points_rig), 1)
         return pixels.reshape((*local.shape[:2], 2)), valid.reshape(local.shape[:2])
 
     def jacobians(self, views: Index, points_rig: Array, step: Array) -> Array:

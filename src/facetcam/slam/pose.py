@@ -174,8 +174,7 @@ class _Weighted:
         size = np.linalg.norm(residual, axis=1)
         weight = counts / (1.0 + (size / sigma) ** 2)
         variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
-        H = np.einsum("n,nij,nik->jk", weight, J, J)
-        return cls(residual, size, J, variance, np.linalg.pinv(H, hermitian=True))
+        return cls(residual, size, J, variance, _inverse_information(J, weight))
 
 
 def _alone(T: Array, seen: _Sights, optics: Optics) -> NDArray[np.bool_]:
@@ -184,9 +183,8 @@ def _alone(T: Array, seen: _Sights, optics: Optics) -> NDArray[np.bool_]:
     The few points of another view that tell the scale of a map hold a part of it, too, and must be heard.
     """
     residual, J = linearise(T, *seen, optics)
-    near = np.linalg.norm(residual, axis=1) < _NEAR
-    inverse = np.linalg.pinv(np.einsum("nij,nik->jk", J[near], J[near]), hermitian=True)
-    alone = np.sum((J @ inverse) * J, axis=(1, 2)) > _LEVERAGE
+    inverse = _inverse_information(J, np.linalg.norm(residual, axis=1) < _NEAR)
+    alone = np.einsum("nij,nij->n", J @ inverse, J) > _LEVERAGE
     others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (seen.views[~alone], seen.views))
     judged = others >= np.maximum(_LEAST_OTHERS, _SHARE_OTHERS * everyone)
     return np.asarray(alone & judged[seen.views])
@@ -201,6 +199,12 @@ def _borne_out(
     S = variance * (np.eye(2) + told.J @ told.inverse @ np.swapaxes(told.J, 1, 2))
     squared = np.einsum("ni,ni->n", told.residual, np.linalg.solve(S, told.residual[..., None])[..., 0])
     return np.asarray(squared < _BORNE_OUT)
+
+
+def _inverse_information(J: Array, weight: NDArray[np.generic]) -> Array:
+    """Inverse (6, 6) of what residuals with derivatives (N, 2, 6) and weights (N,) say of a pose."""
+    weighted = (J * weight[:, None, None]).reshape(-1, 6)
+    return np.asarray(np.linalg.pinv(weighted.T @ J.reshape(-1, 6), hermitian=True))
 
 
 def linearise(

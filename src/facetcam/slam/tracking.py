@@ -150,12 +150,14 @@ class Tracker:
         points, config = self._map.points, self._config
         near = self._local_points(predicted) if ids is None else ids
         far = self._points_in_sight(predicted) if ids is None else _NONE
-        expected = predict(points, np.union1d(near, far), predicted, self._optics)
+        is_near, wanted = np.zeros((2, len(points)), dtype=bool)
+        is_near[near], wanted[near], wanted[far] = True, True, True
+        expected = predict(points, np.flatnonzero(wanted), predicted, self._optics)
         around = [*self._map.near(predicted[:3, 3], _WIDE_KEYFRAMES), *self._map.keyframes[-config.window :]]
         expected = expected.take(self._map.unmistakable(expected.point, expected.view, around))
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, found = measure(frame, expected, points, self._optics, config)
-        expected = expected.take(found | np.isin(expected.point, near))
+        expected = expected.take(found | is_near[expected.point])
         if len(seen) < config.min_inliers:
             return None
         xyz, readout = points.xyz[seen.point], self._map.readout

@@ -25,6 +25,7 @@ _LEAST_GOOD = 30  # pairs with parallax that fit a motion
 _BEARING_OUT = 12  # of other views
 _CLEAR_SHARE = 0.5  # of a view's pairs that must show it, at the mean of the views
 _TWIST_STEP = 1e-6  # radians, metres
+_SETTLED = 1e-5  # of the squared errors, by which a step must lessen them to be worth another
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
@@ -238,6 +239,6 @@ def polished(T_a_b: Array, pairs: Pairs, optics: Optics, measured: Measured | No
         return np.asarray((moved[:6] - moved[6:]).T / (2.0 * _TWIST_STEP))
 
     solution = least_squares(
-        residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=EPIPOLAR_SIGMA, max_nfev=30
+        residuals, np.zeros(6), jacobian, loss="cauchy", f_scale=EPIPOLAR_SIGMA, ftol=_SETTLED, max_nfev=30
     )
     return T_a_b @ se3.exp(solution.x)
