@@ -23,6 +23,7 @@ from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
+from facetcam.slam.frame import make_frame
 from facetcam.slam.map_file import read_map, write_map
 
 Array = NDArray[np.float64]
@@ -88,6 +89,24 @@ def test_a_kidnapped_rig_is_found_whatever_its_heading(
         error = se3.log(se3.inverse(there.poses[k]) @ T)
         assert np.linalg.norm(error[3:]) < 0.05
         assert np.degrees(np.linalg.norm(error[:3])) < 1.0
+
+
+def test_a_guess_that_is_centimetres_off_is_no_reason_for_a_pose_to_be(
+    saved: Path, room: MeshRenderer, drive: Drive
+) -> None:
+    rig, rng, there = folded(), np.random.default_rng(0), turned(drive, 0, slice(10, 11))
+    slam = Slam(rig)
+    slam.load_map(saved, localise_only=True)
+    frame = make_frame(next(iter(Film(rig, room, there))), 0.0, rig.size)
+    T = se3.inverse(T_true_map(saved, drive)) @ there.poses[0]
+    tracker, off = slam._parts.tracker, np.zeros((2, 16))
+    for i, way in enumerate(rng.normal(size=(off.shape[1], 3))):
+        guess = T @ se3.exp([0, 0, 0, *(0.06 * way / np.linalg.norm(way))])
+        for j, locate in enumerate((tracker.locate, tracker.locate_from_afar)):
+            fix = locate(frame, guess)
+            off[j, i] = np.inf if fix is None else np.linalg.norm((fix.T_world_rig - T)[:3, 3])
+    once, again = np.count_nonzero(off < 0.005, axis=1)
+    assert again >= once + 3 and again >= 10, np.round(1e3 * off, 1)
 
 
 @pytest.mark.slow

@@ -175,7 +175,7 @@ class LoopCloser:
         if T is None or matched < self._config.min_inliers:
             return None
         ids = self._map.observed_points([self._map.keyframes[k] for k in group])
-        fix = self._tracker.locate(frame, T, ids, velocity)
+        fix = self._tracker.locate_from_afar(frame, T, ids, velocity)
         return fix if _returned(fix) and fix.sharp and fix.likely else None
 
     def _within_drift(self, keyframe: Keyframe, group: Index, fix: Fix, metric: bool) -> bool:

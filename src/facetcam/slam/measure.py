@@ -12,8 +12,8 @@ from facetcam import _core
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Frame
-from facetcam.slam.map import Points
 from facetcam.slam.optics import Optics
+from facetcam.slam.points import Points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

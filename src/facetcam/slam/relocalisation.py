@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.features import match_windowed
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import CornerFinder, Corners, Frame
 from facetcam.slam.map import Map
+from facetcam.slam.measure import predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places, Sightings, match_points
 from facetcam.slam.pose import generalized_pose
@@ -44,15 +46,38 @@ class Relocaliser:
         self._corners = corners
         self._places = places
 
-    def propose(self, frame: Frame) -> Iterator[Array]:
-        """Poses (4, 4) of the rig that many corners agree on, the likeliest place first."""
+    def propose(self, frame: Frame, *predicted: Array) -> Iterator[Array]:
+        """Poses (4, 4) of the rig that many corners agree on: near predictions, then where it looks alike."""
         corners = self._corners(frame)
+        for near in predicted:
+            pose = self._near(corners, near)
+            if pose is not None:
+                yield pose
         if len(corners) < self._config.min_inliers:
             return
         for sightings in self._likely(corners):
             pose, matched = self.solve(corners, sightings)
             if pose is not None and matched >= AGREEING:
                 yield pose
+
+    def _near(self, corners: Corners, predicted: Array) -> Array | None:
+        """Pose from corners that look like map points expected near them."""
+        points, config = self._map.points, self._config
+        expected = predict(points, self._map.points_around(predicted[:3, 3]), predicted, self._optics)
+        hits = match_windowed(
+            points.descriptor[expected.point],
+            expected.pixels,
+            expected.view,
+            corners.descriptors,
+            corners.pixels,
+            corners.views,
+            radius=config.search_radius * self._optics.camera.width,
+            max_distance=config.match_distance,
+            ratio=config.match_ratio,
+        )
+        matched = hits >= 0
+        pose, agreeing = self._agreed(corners, hits[matched], expected.point[matched])
+        return pose if agreeing >= AGREEING else None
 
     def _likely(self, corners: Corners) -> Iterator[Sightings]:
         """What was seen at the places that resemble the frame, those of the last keyframes first."""
@@ -84,11 +109,10 @@ class Relocaliser:
         config = self._config
         sightings = sightings.take(self._map.points.alive[sightings.point])
         rows, points = match_points(corners.descriptors, sightings, config.match_ratio, config.match_distance)
-        T, inliers = generalized_pose(
-            self._map.points.xyz[points],
-            corners.views[rows],
-            corners.plane[rows],
-            self._optics,
-            2.0 * config.gate,
-        )
+        return self._agreed(corners, rows, points)
+
+    def _agreed(self, corners: Corners, rows: Index, points: Index) -> tuple[Array | None, int]:
+        """Pose from rows of the corners as points of the map, and how many agree on it."""
+        seen = (self._map.points.xyz[points], corners.views[rows], corners.plane[rows])
+        T, inliers = generalized_pose(*seen, self._optics, 2.0 * self._config.gate)
         return T, int(inliers.sum())

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Keyframe, Map, Observations, Points
+from facetcam.slam.map import Keyframe, Map, Observations
 from facetcam.slam.measure import Predictions, measure, predict_at
 from facetcam.slam.optics import Optics
+from facetcam.slam.points import Points
 from facetcam.slam.scale_evidence import home_views
 
 Array = NDArray[np.float64]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features import match_windowed
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.doubt import refuting_motion
@@ -16,22 +14,23 @@ from facetcam.slam.fix import Fix, beside, better, likelier
 from facetcam.slam.flow import pose_by_flow
 from facetcam.slam.frame import CornerFinder, Frame
 from facetcam.slam.joint_pose import JointSight
-from facetcam.slam.map import Keyframe, Map, Points
+from facetcam.slam.map import WIDE, Keyframe, Map
 from facetcam.slam.measure import Measurements, measure, predict, thin
 from facetcam.slam.optics import Optics
 from facetcam.slam.pairs import Pairs, match_corners
-from facetcam.slam.pose import generalized_pose, judged_pose, refine_pose
-from facetcam.slam.relocalisation import AGREEING, Relocaliser
+from facetcam.slam.points import Points
+from facetcam.slam.pose import judged_pose, refine_pose
+from facetcam.slam.relocalisation import Relocaliser
 from facetcam.slam.shutter import at_one_moment
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _NEAR_KEYFRAMES = 10
-_WIDE_KEYFRAMES = 50  # around, for frames that show little of what the nearest ones saw
 AT_REST = np.zeros(6)
 _NONE = np.empty(0, np.int64)
 _SAME = (0.003, 0.01)  # radians and metres by which one pose may come out differently
+_LOOKS = 4  # at most
 _LEAST_AGREEMENT = 0.4  # share of the measurements that must fit a pose
 
 
@@ -77,7 +76,8 @@ class Tracker:
             return best
         if best is None:
             for T_world_rig in predicted:
-                best = better(best, self.locate(frame, T_world_rig, self._wide_points(T_world_rig), velocity))
+                wide = self._map.points_around(T_world_rig[:3, 3])
+                best = better(best, self.locate(frame, T_world_rig, wide, velocity))
         return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
     def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
@@ -134,11 +134,8 @@ class Tracker:
         """
         if self._last is None or self._last[2] is not self._map.points:
             return _NONE
-        around = self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES)
+        around = self._map.near(T_world_rig[:3, 3], WIDE)
         return self._map.observed_points(self._map.covisible(self._last[1].point, around)[:_NEAR_KEYFRAMES])
-
-    def _wide_points(self, T_world_rig: Array) -> Index:
-        return self._map.observed_points(self._map.near(T_world_rig[:3, 3], _WIDE_KEYFRAMES))
 
     def locate(
         self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = AT_REST
@@ -153,7 +150,7 @@ class Tracker:
         is_near, wanted = np.zeros((2, len(points)), dtype=bool)
         is_near[near], wanted[near], wanted[far] = True, True, True
         expected = predict(points, np.flatnonzero(wanted), predicted, self._optics)
-        around = [*self._map.near(predicted[:3, 3], _WIDE_KEYFRAMES), *self._map.keyframes[-config.window :]]
+        around = [*self._map.near(predicted[:3, 3], WIDE), *self._map.keyframes[-config.window :]]
         expected = expected.take(self._map.unmistakable(expected.point, expected.view, around))
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, found = measure(frame, expected, points, self._optics, config)
@@ -168,6 +165,22 @@ class Tracker:
             return None
         fix = Fix(pose, expected, seen.take(fits))
         return fix if fix.borne_out else None
+
+    def locate_from_afar(
+        self, frame: Frame, guess: Array, ids: Index | None = None, velocity: Array = AT_REST
+    ) -> Fix | None:
+        """The same where the first pose is a guess: looks again from what it led to while more agrees.
+
+        Patches align poorly where they are not expected, and the pose stays centimetres off.
+        """
+        fix = self.locate(frame, guess, ids, velocity)
+        for _ in range(_LOOKS):
+            before = fix
+            if before is not None:
+                fix = better(before, self.locate(frame, before.T_world_rig, ids, velocity))
+            if fix is before:
+                break
+        return fix
 
     def _or_moved(self, near: Fix | None, moved: Array | None, frame: Frame, velocity: Array) -> Fix | None:
         """Of a pose near its prediction and the one to which points have moved, that with which more agrees.
@@ -194,42 +207,9 @@ class Tracker:
     def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
         best = None
-        for T in self._proposals(frame, *predicted):
-            fix = self.locate(frame, T, velocity=velocity)
+        for T in self._relocaliser.propose(frame, *predicted):
+            fix = self.locate_from_afar(frame, T, velocity=velocity)
             if fix is not None and fix.clear and fix.sharp:
                 return fix
             best = better(best, fix)
         return best
-
-    def _proposals(self, frame: Frame, *predicted: Array) -> Iterator[Array]:
-        for near in predicted:
-            T = self._from_windows(frame, near)
-            if T is not None:
-                yield T
-        yield from self._relocaliser.propose(frame)
-
-    def _from_windows(self, frame: Frame, predicted: Array) -> Array | None:
-        """Pose from corners that look like map points expected near them."""
-        points, config, corners = self._map.points, self._config, self._corners(frame)
-        expected = predict(points, self._wide_points(predicted), predicted, self._optics)
-        hits = match_windowed(
-            points.descriptor[expected.point],
-            expected.pixels,
-            expected.view,
-            corners.descriptors,
-            corners.pixels,
-            corners.views,
-            radius=config.search_radius * self._optics.camera.width,
-            max_distance=config.match_distance,
-            ratio=config.match_ratio,
-        )
-        matched = hits >= 0
-        rows, points_seen = hits[matched], expected.point[matched]
-        T, inliers = generalized_pose(
-            points.xyz[points_seen],
-            corners.views[rows],
-            corners.plane[rows],
-            self._optics,
-            2.0 * config.gate,
-        )
-        return T if inliers.sum() >= AGREEING else None
