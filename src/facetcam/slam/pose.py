@@ -201,7 +201,7 @@ def _borne_out(
     return np.asarray(squared < _BORNE_OUT)
 
 
-def _inverse_information(J: Array, weight: NDArray[np.generic]) -> Array:
+def _inverse_information(J: Array, weight: Array | NDArray[np.bool_]) -> Array:
     """Inverse (6, 6) of what residuals with derivatives (N, 2, 6) and weights (N,) say of a pose."""
     weighted = (J * weight[:, None, None]).reshape(-1, 6)
     return np.asarray(np.linalg.pinv(weighted.T @ J.reshape(-1, 6), hermitian=True))

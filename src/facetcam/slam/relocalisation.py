@@ -111,7 +111,7 @@ class Relocaliser:
         rows, points = match_points(corners.descriptors, sightings, config.match_ratio, config.match_distance)
         return self._agreed(corners, rows, points)
 
-    def _agreed(self, corners: Corners, rows: Index, points: Index) -> tuple[Array | None, int]:
+    def _agreed(self, corners: Corners, rows: NDArray[np.integer], points: Index) -> tuple[Array | None, int]:
         """Pose from rows of the corners as points of the map, and how many agree on it."""
         seen = (self._map.points.xyz[points], corners.views[rows], corners.plane[rows])
         T, inliers = generalized_pose(*seen, self._optics, 2.0 * self._config.gate)
