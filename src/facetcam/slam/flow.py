@@ -17,8 +17,8 @@ from facetcam.slam.relocalisation import AGREEING
 Array = NDArray[np.float64]
 
 _WINDOW = (21, 21)  # px
-_ENOUGH = 250  # points
-_LEVELS = 2  # of the image pyramid above the half-size image, which is enough for a prediction
+_ENOUGH = 250  # points for a prediction; of the half-size image they are not good enough
+_LEVELS = 3  # of the image pyramid above the first
 
 
 def pose_by_flow(
@@ -42,22 +42,17 @@ def pose_by_flow(
     rows = rows[:: -(-len(rows) // _ENOUGH)]
     views = seen.view[rows]
     moved, found, _ = cv2.calcOpticalFlowPyrLK(
-        before.half,
-        frame.half,
-        _on_half_size(seen.pixels[rows]),
-        _on_half_size(expected[views, rows]),
+        before.grey,
+        frame.grey,
+        np.ascontiguousarray(seen.pixels[rows, None], dtype=np.float32),
+        np.ascontiguousarray(expected[views, rows, None], dtype=np.float32),
         winSize=_WINDOW,
         maxLevel=_LEVELS,
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
-    pixels = 2.0 * moved[:, 0].astype(np.float64) + 0.5
+    pixels = moved[:, 0].astype(np.float64)
     followed = (found[:, 0] > 0) & (optics.view_of(pixels) == views)
     rows, views, pixels = rows[followed], views[followed], pixels[followed]
     plane = optics.plane(pixels, views)
     T, inliers = generalized_pose(xyz[rows], views, plane, optics, 2.0 * config.gate)
     return T if inliers.sum() >= AGREEING else None
-
-
-def _on_half_size(pixels: Array) -> NDArray[np.float32]:
-    """Pixels (N, 2) on the half-size image, (N, 1, 2): its pixel centres lie between those of pairs."""
-    return (0.5 * (pixels[:, None] - 0.5)).astype(np.float32)
