@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.features.matching import hamming, mutual_best
+from facetcam.features.matching import hamming
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.frame import Corners
@@ -56,26 +56,33 @@ def match_along_epipolars(
         corners of all other rows count there: a pattern that repeats is mistaken for its neighbour as soon
         as that one is left out.
     """
-    pairs = []
+    sides = []
     for view in np.intersect1d(a.views[rows_a], b.views[rows_b]).tolist():
         in_a, in_b = np.flatnonzero(a.views == view), np.flatnonzero(b.views == view)
         distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
-        i, j = np.nonzero(distance <= config.match_distance / config.match_ratio)  # others change no match
+        alike = np.flatnonzero(
+            distance <= config.match_distance / config.match_ratio
+        )  # others change no match
+        i, j = np.divmod(alike, len(in_b))
         error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view, T_a_b, optics)
-        aside = np.abs(error) > gate
-        distance[i[aside], j[aside]] = _FAR
-        best_a, best_b = _clear_both_ways(distance, config)
-        pairs.append((in_a[best_a], in_b[best_b]))
-    if not pairs:
+        i, j = (side[np.abs(error) <= gate] for side in (i, j))
+        sides.append((in_a[i], in_b[j], distance[i, j]))
+    if not sides:
         return rows_a[:0], rows_b[:0]
-    a_rows, b_rows = (np.concatenate(side) for side in zip(*pairs))
-    wanted = np.isin(a_rows, rows_a) & np.isin(b_rows, rows_b)
-    return a_rows[wanted], b_rows[wanted]
+    a_rows, b_rows, bits = (np.concatenate(side) for side in zip(*sides))
+    matched = _clearly_best(a_rows, bits, config) & _clearly_best(b_rows, bits, config)
+    matched &= np.isin(a_rows, rows_a) & np.isin(b_rows, rows_b)
+    return a_rows[matched], b_rows[matched]
 
 
-def _clear_both_ways(distance: NDArray[np.int32], config: SlamConfig) -> tuple[Index, Index]:
-    """Rows and columns that are each other's best, clearly better than the second best of either."""
-    limits = (config.match_ratio, config.match_distance)
-    rows, columns = mutual_best(distance, *limits)
-    clear = np.isin(columns, mutual_best(distance.T, *limits)[0])
-    return rows[clear], columns[clear]
+def _clearly_best(corner: Index, bits: NDArray[np.int32], config: SlamConfig) -> NDArray[np.bool_]:
+    """Pairs (N,) that are the best of their corner, and clearly better than its second best."""
+    order = np.lexsort((bits, corner))
+    same = corner[order][1:] == corner[order][:-1]
+    bits = bits[order]
+    second = np.where(np.append(same, False), np.append(bits[1:], _FAR), _FAR)
+    good = (bits <= config.match_distance) & (bits <= config.match_ratio * second)
+    good[1:] &= ~same
+    best = np.empty(len(order), dtype=bool)
+    best[order] = good
+    return best

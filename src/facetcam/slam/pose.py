@@ -112,21 +112,27 @@ def refine_pose(
     """
     seen = _Sights(points, views, plane)
     T = _least_squares(T_world_rig, seen, optics, sigma)
-    alone = _alone(T, seen, optics)
+    residual, J = linearise(T, *seen, optics)
+    alone = _alone(residual, J, views, optics)
     if alone.any():
         T_others = _least_squares(T, seen.take(~alone), optics, sigma)
-        counts = ~alone | _borne_out(T_others, seen, ~alone, optics, sigma)
-        T = T if counts.all() else _least_squares(T_others, seen.take(counts), optics, sigma)
-    return judged_pose(T, points, views, plane, optics, sigma)
+        counts = ~alone | _borne_out(*linearise(T_others, *seen, optics), ~alone, sigma)
+        if not counts.all():
+            T = _least_squares(T_others, seen.take(counts), optics, sigma)
+            residual, J = linearise(T, *seen, optics)
+    return _judged(T, residual, J, sigma)
 
 
 def judged_pose(
     T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, sigma: float
 ) -> Pose:
     """A pose as it is, with what points that are seen from it say of it."""
-    seen = _Sights(points, views, plane)
-    found = _Weighted.of(T_world_rig, seen, np.ones(len(points), np.bool_), optics, sigma)
-    behind = optics.to_plane(se3.transform(se3.inverse(T_world_rig), points), views)[1] < _MIN_DEPTH
+    return _judged(T_world_rig, *linearise(T_world_rig, points, views, plane, optics), sigma)
+
+
+def _judged(T_world_rig: Array, residual: Array, J: Array, sigma: float) -> Pose:
+    found = _Weighted.of(residual, J, np.ones(len(residual), np.bool_), sigma)
+    behind = ~J.any(axis=(1, 2))
     return Pose(T_world_rig, found.variance * found.inverse, np.where(behind, np.inf, found.size))
 
 
@@ -157,47 +163,41 @@ def _least_squares(T_world_rig: Array, seen: _Sights, optics: Optics, sigma: flo
 
 @dataclass(frozen=True, slots=True)
 class _Weighted:
-    """A pose as robust measurements see it: residuals (N, 2), their sizes and derivatives (N, 2, 6), the
-    variance of one, and the inverse (6, 6) of their information in units of it.
+    """A pose as robust measurements see it: sizes (N,) of their residuals, the variance of one, and the
+    inverse (6, 6) of their information in units of it.
     """
 
-    residual: Array
     size: Array
-    J: Array
     variance: float
     inverse: Array
 
     @classmethod
-    def of(cls, T: Array, seen: _Sights, counts: NDArray[np.bool_], optics: Optics, sigma: float) -> Self:
-        """Only what `counts` (N,) goes into the variance and the information."""
-        residual, J = linearise(T, *seen, optics)
+    def of(cls, residual: Array, J: Array, counts: NDArray[np.bool_], sigma: float) -> Self:
+        """From residuals (N, 2) and derivatives (N, 2, 6), of which only what `counts` is heard."""
         size = np.linalg.norm(residual, axis=1)
         weight = counts / (1.0 + (size / sigma) ** 2)
         variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
-        return cls(residual, size, J, variance, _inverse_information(J, weight))
+        return cls(size, variance, _inverse_information(J, weight))
 
 
-def _alone(T: Array, seen: _Sights, optics: Optics) -> NDArray[np.bool_]:
+def _alone(residual: Array, J: Array, views: NDArray[np.int8], optics: Optics) -> NDArray[np.bool_]:
     """Points that hold a good part of the pose by themselves, unlike most others of their view.
 
     The few points of another view that tell the scale of a map hold a part of it, too, and must be heard.
     """
-    residual, J = linearise(T, *seen, optics)
     inverse = _inverse_information(J, np.linalg.norm(residual, axis=1) < _NEAR)
     alone = np.einsum("nij,nij->n", J @ inverse, J) > _LEVERAGE
-    others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (seen.views[~alone], seen.views))
+    others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (views[~alone], views))
     judged = others >= np.maximum(_LEAST_OTHERS, _SHARE_OTHERS * everyone)
-    return np.asarray(alone & judged[seen.views])
+    return np.asarray(alone & judged[views])
 
 
-def _borne_out(
-    T: Array, seen: _Sights, others: NDArray[np.bool_], optics: Optics, sigma: float
-) -> NDArray[np.bool_]:
+def _borne_out(residual: Array, J: Array, others: NDArray[np.bool_], sigma: float) -> NDArray[np.bool_]:
     """Points within what the pose from the `others` foretells of them (deleted residuals)."""
-    told = _Weighted.of(T, seen, others, optics, sigma)
+    told = _Weighted.of(residual, J, others, sigma)
     variance = max(told.variance, _LEAST_ERROR**2)
-    S = variance * (np.eye(2) + told.J @ told.inverse @ np.swapaxes(told.J, 1, 2))
-    squared = np.einsum("ni,ni->n", told.residual, np.linalg.solve(S, told.residual[..., None])[..., 0])
+    S = variance * (np.eye(2) + J @ told.inverse @ np.swapaxes(J, 1, 2))
+    squared = np.einsum("ni,ni->n", residual, np.linalg.solve(S, residual[..., None])[..., 0])
     return np.asarray(squared < _BORNE_OUT)
 
 
@@ -210,7 +210,10 @@ def _inverse_information(J: Array, weight: Array | NDArray[np.bool_]) -> Array:
 def linearise(
     T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
 ) -> tuple[Array, Array]:
-    """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist."""
+    """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist.
+
+    Both are zero for a point behind its view.
+    """
     residual, by_rig, points_rig = linearise_sight(T_world_rig, points, views, plane, optics)
     x, y, z = points_rig.T[:, :, None]
     a, b, c = np.moveaxis(by_rig, 2, 0)  # the point moves against the rig: by_rig [p]x, then -by_rig
