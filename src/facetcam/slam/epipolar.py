@@ -60,9 +60,8 @@ def match_along_epipolars(
     for view in np.intersect1d(a.views[rows_a], b.views[rows_b]).tolist():
         in_a, in_b = np.flatnonzero(a.views == view), np.flatnonzero(b.views == view)
         distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
-        alike = np.flatnonzero(
-            distance <= config.match_distance / config.match_ratio
-        )  # others change no match
+        # Bits beyond this change no match: the second best is clear of the best then.
+        alike = np.flatnonzero(distance <= config.match_distance / config.match_ratio)
         i, j = np.divmod(alike, len(in_b))
         error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view, T_a_b, optics)
         i, j = (side[np.abs(error) <= gate] for side in (i, j))
