@@ -80,13 +80,14 @@ class Fix:
 
 def likelier(near: Fix | None, other: Fix | None) -> Fix | None:
     """The better one, but for look-alikes elsewhere: a likely pose where the rig should be needs no other."""
-    elsewhere = near is not None and other is not None and near.likely and not beside(near, other)
-    return near if elsewhere else better(near, other)
+    if near is None or other is None or not near.likely or beside(near.T_world_rig, other.T_world_rig):
+        return better(near, other)
+    return near
 
 
-def beside(a: Fix, b: Fix, within: tuple[float, float] = BESIDE) -> bool:
-    """Tell whether two poses are one, `within` radians and metres."""
-    turn, way = np.linalg.norm(se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig).reshape(2, 3), axis=1)
+def beside(a: Array, b: Array, within: tuple[float, float] = BESIDE) -> bool:
+    """Tell whether two poses (4, 4) are one, `within` radians and metres."""
+    turn, way = np.linalg.norm(se3.log(se3.inverse(a) @ b).reshape(2, 3), axis=1)
     return bool(turn < within[0] and way < within[1])
 
 

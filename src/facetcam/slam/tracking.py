@@ -187,8 +187,10 @@ class Tracker:
 
         From a prediction patches miss some of what is there; so where the two differ both get a second look.
         """
-        other = None if moved is None else self.locate(frame, moved, velocity=velocity)
-        if near is not None and other is not None and not beside(near, other, _SAME):
+        if moved is None or (near is not None and beside(near.T_world_rig, moved, _SAME)):
+            return near
+        other = self.locate(frame, moved, velocity=velocity)
+        if near is not None and other is not None and not beside(near.T_world_rig, other.T_world_rig, _SAME):
             near, other = (
                 better(fix, self.locate(frame, fix.T_world_rig, velocity=velocity)) for fix in (near, other)
             )
