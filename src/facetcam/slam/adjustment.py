@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.map import Keyframe, Map, shared_points
 from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import MapUncertainty, map_uncertainty
@@ -133,8 +133,7 @@ class Adjuster:
 
     def _lost_between(self, i: int, j: int) -> bool:
         """Tell whether hardly a point joins two keyframes: nothing but wheels went from one to the other."""
-        a, b = (self._map.keyframes[k].observations.point for k in (i, j))
-        return len(np.intersect1d(a, b)) < self._config.min_inliers
+        return shared_points(self._map.keyframes[i], self._map.keyframes[j]) < self._config.min_inliers
 
     def _adjust(
         self,

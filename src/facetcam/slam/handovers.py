@@ -150,7 +150,9 @@ def mapped_nearby(keyframes: list[Keyframe], found: list[HandedOver], least: int
     seen = [k.observations for k in keyframes]
     part = _parts(seen, least)
     mapped = np.concatenate([_names(p, s.point, s.view) for p, s in zip(part, seen)])
-    return [f.take(np.isin(_names(p, f.point, f.home), mapped)) for p, f in zip(part, found)]
+    kept = np.isin(np.concatenate([_names(p, f.point, f.home) for p, f in zip(part, found)]), mapped)
+    ends = np.cumsum([len(f) for f in found])
+    return [f.take(kept[end - len(f) : end]) for f, end in zip(found, ends)]
 
 
 def _parts(seen: list[Observations], least: int) -> Index:

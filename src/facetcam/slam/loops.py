@@ -14,7 +14,7 @@ from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Corners, Frame
-from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.map import Keyframe, Map, shared_points
 from facetcam.slam.measure import Measurements, measure, predict
 from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
@@ -161,13 +161,10 @@ class LoopCloser:
         best = score.max(initial=0.0)
         score[self._first_recent(keyframe) :] = 0.0
         for other in self._map.keyframes[: len(score)]:
-            if score[other.index] < _ALIKE * best or self._share_points(keyframe, other):
+            alike = score[other.index] >= _ALIKE * best
+            if not alike or shared_points(keyframe, other) >= self._config.min_inliers:
                 score[other.index] = 0.0
         return self._relocaliser.groups(score)
-
-    def _share_points(self, a: Keyframe, b: Keyframe) -> bool:
-        common = np.intersect1d(a.observations.point, b.observations.point)
-        return len(common) >= self._config.min_inliers
 
     def _verified(self, frame: Frame, corners: Corners, velocity: Array, group: Index) -> Fix | None:
         """Pose of a frame from the points of an old place alone, where patches confirm it."""

@@ -103,6 +103,14 @@ class Keyframe:
         self.velocity[3:] *= factor
 
 
+def shared_points(a: Keyframe, b: Keyframe) -> int:
+    """Count the points that two keyframes saw."""
+    seen = (a.observations.point, b.observations.point)
+    by_a, by_b = np.zeros((2, max(int(ids.max(initial=-1)) for ids in seen) + 1), dtype=bool)
+    by_a[seen[0]], by_b[seen[1]] = True, True
+    return int(np.count_nonzero(by_a & by_b))
+
+
 class Map:
     """All keyframes and points.
 
