@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
@@ -52,7 +53,10 @@ def test_the_right_pose_gets_a_second_look() -> None:
     assert len(found.seen) == 190
 
 
-def test_poses_that_agree_need_none() -> None:
+@pytest.mark.parametrize(("turned", "looks"), [(0.001, 1), (0.004, 2)])
+def test_poses_that_agree_need_none(turned: float, looks: int) -> None:
+    """Where points have moved to the pose that was found there is no look from there."""
     scene = Scene()
-    scene.chosen(RIGHT @ se3.exp([0.0, 0.001, 0.0, 0.001, 0.0, 0.0]))
-    assert scene.looks == 2
+    found = scene.chosen(RIGHT @ se3.exp([0.0, turned, 0.0, 0.001, 0.0, 0.0]))
+    assert scene.looks == looks
+    np.testing.assert_allclose(found.T_world_rig, RIGHT)
