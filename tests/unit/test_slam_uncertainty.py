@@ -15,7 +15,7 @@ from facetcam.slam.information import information
 from facetcam.slam.map import Keyframe
 from facetcam.slam.optics import Optics
 from facetcam.slam.scale import free_frames, map_uncertainty
-from facetcam.slam.uncertainty import pose_covariance, reckoned_covariance
+from facetcam.slam.uncertainty import TOGETHER, drift_of, pose_covariance, reckoned_covariance
 
 STEP = np.diag([0.01, 0.01, 0.02, 0.05, 0.05, 0.02]) ** 2
 MOVED = se3.exp([0.1, -0.2, 0.7, 0.4, 1.2, 0.1])
@@ -45,6 +45,26 @@ def test_dead_reckoning_grows_as_composed_errors_do() -> None:
     found = reckoned_covariance(before, MOVED, STEP)
     drawn = np.cov(np.array(ends).T)
     assert np.allclose(np.diag(drawn), np.diag(found), rtol=0.15)
+
+
+def test_what_poses_lack_adds_up_until_the_map_is_judged() -> None:
+    rng, way = np.random.default_rng(5), [np.eye(4)]
+    for _ in range(4):
+        way.append(way[-1] @ MOVED)
+    chain = [keyframe(way[0], 0.5 * STEP)] + [keyframe(T, None) for T in way[1:]]
+    for before, new in pairwise(chain):
+        new.drift = drift_of(new, STEP, before)
+    ends = []
+    for _ in range(4000):
+        T = way[0] @ se3.exp(rng.multivariate_normal(np.zeros(6), 0.5 * STEP))
+        for _ in way[1:]:
+            T = T @ MOVED @ se3.exp(rng.multivariate_normal(np.zeros(6), STEP))
+        ends.append(se3.log(se3.inverse(way[-1]) @ T))
+    live = pose_covariance(way[-1], np.zeros((6, 6)), chain[::-1], 0.0, wheels=True) / TOGETHER
+    assert np.allclose(np.diag(np.cov(np.array(ends).T)), np.diag(live), rtol=0.15)
+    chain[-1].covariance = STEP
+    judged = pose_covariance(way[-1], np.zeros((6, 6)), chain[::-1], 0.0, wheels=True) / TOGETHER
+    assert np.allclose(judged, STEP)
 
 
 def test_an_unknown_scale_leaves_the_length_of_the_way_open() -> None:

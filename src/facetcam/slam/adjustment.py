@@ -116,7 +116,7 @@ class Adjuster:
     def _give_covariances(self, bundle: Bundle) -> MapUncertainty:
         found = map_uncertainty(bundle, self._optics, self._config.pixel_sigma)
         for keyframe, covariance in zip(self._map.keyframes, found.covariance):
-            keyframe.covariance = covariance
+            keyframe.covariance, keyframe.drift = covariance, np.zeros((6, 6))
         return found
 
     def whole(self, swept: bool = True) -> Bundle | None:

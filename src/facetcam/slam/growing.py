@@ -14,6 +14,7 @@ from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
 from facetcam.slam.places import Places
 from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.uncertainty import drift_of
 
 Array = NDArray[np.float64]
 
@@ -74,6 +75,7 @@ class Grower:
         """Make a keyframe; in real time this runs beside tracking."""
         keyframe = self._mapper.insert(frame, fix.T_world_rig, fix.seen, odometry, self._config.gate)
         with self._map.lock:
+            keyframe.drift = drift_of(keyframe, fix.pose.covariance, self._map.keyframes[-2])
             trajectory.rehang(keyframe)
             for recent in self._map.keyframes[-self._config.window :]:
                 if recent.session == keyframe.session:

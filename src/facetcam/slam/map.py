@@ -93,6 +93,7 @@ class Keyframe:
     measured: int = 0  # points tracked when it was made
     scale: float = 1.0  # growth of the map round this keyframe by adjustments since it was made
     covariance: Array | None = None  # (6, 6) against the first keyframe, since the map was last judged
+    drift: Array = field(default_factory=lambda: np.zeros((6, 6)))  # covariance, of a map not judged since
     handovers: HandedOver = field(default_factory=HandedOver)
     session: int = 0  # the run that made it; wheels and window do not reach over runs
     velocity: Array = field(default_factory=lambda: np.zeros(6))  # right-hand twist a second

@@ -28,24 +28,39 @@ def pose_covariance(
         Covariance of the pose in the map as it is.
     keyframes : list of Keyframe
         Near the pose, the likeliest base first; the first one that was judged is taken, else the last,
-        which is the first of the map: an unknown scale counts from there.
+        which is the first of the map: an unknown scale counts from there. What the map may have drifted since
+        it was judged is that of the first in the list.
     scale_sigma : float
         Relative standard deviation of the scale; where it is not known yet, that of the wheels counts.
     wheels : bool
         True where odometry has set the scale.
     """
     base = next((k for k in keyframes if k.covariance is not None), keyframes[-1])
-    T_rig_base = se3.inverse(T_world_rig) @ base.T_world_rig
     total = TOGETHER * measured
     if base.covariance is not None:
-        moved = se3.adjoint(T_rig_base)
-        total += TOGETHER * moved @ base.covariance @ moved.T
+        total += TOGETHER * _carried(base.covariance, base, T_world_rig)
+    if keyframes[0].covariance is None:
+        total += TOGETHER * _carried(keyframes[0].drift, keyframes[0], T_world_rig)
     # Where the scale is unknown, the covariances of keyframes leave it out.
     since = base if np.isfinite(scale_sigma) else keyframes[-1]
     way = (se3.inverse(T_world_rig) @ since.T_world_rig)[:3, 3]
     stretch = min(scale_sigma, _WHEELS if wheels else _UNKNOWN) * way
     total[3:, 3:] += np.outer(stretch, stretch) + _ASIDE**2 * (stretch @ stretch) * np.eye(3)
     return total
+
+
+def drift_of(keyframe: Keyframe, measured: Array, before: Keyframe) -> Array:
+    """Covariance (6, 6) of a new keyframe against those that were judged: what poses lack adds up on the way.
+
+    `measured` is the covariance of its pose in the map, `before` the last keyframe before it.
+    """
+    return measured + _carried(before.drift, before, keyframe.T_world_rig)
+
+
+def _carried(covariance: Array, keyframe: Keyframe, T_world_rig: Array) -> Array:
+    """What a covariance (6, 6) at a keyframe does to a pose that hangs on it."""
+    moved = se3.adjoint(se3.inverse(T_world_rig) @ keyframe.T_world_rig)
+    return np.asarray(moved @ covariance @ moved.T)
 
 
 def reckoned_covariance(before: Array, T_step: Array, step: Array) -> Array:
