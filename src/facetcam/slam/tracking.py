@@ -175,11 +175,10 @@ class Tracker:
         """
         fix = self.locate(frame, guess, ids, velocity)
         for _ in range(_LOOKS):
-            before = fix
-            if before is not None:
-                fix = better(before, self.locate(frame, before.T_world_rig, ids, velocity))
-            if fix is before:
+            again = None if fix is None else self.locate(frame, fix.T_world_rig, ids, velocity)
+            if better(fix, again) is fix:
                 break
+            fix = again
         return fix
 
     def _or_moved(self, near: Fix | None, moved: Array | None, frame: Frame, velocity: Array) -> Fix | None:
