@@ -25,10 +25,13 @@ using Rows2 = Table<double, nb::shape<-1, 2>>;
 using Indices = Table<std::int64_t, nb::shape<-1>>;
 using Pairs = Table<std::int64_t, nb::shape<-1, 2>>;
 using Roots = Table<double, nb::shape<-1, 6, 6>>;
+using ByShared = Table<double, nb::shape<-1, 2, kShared>>;
+using SharedNumbers = Table<double, nb::shape<kShared>>;
 using Flags = Table<bool, nb::shape<-1>>;
 using Widths = Table<double, nb::shape<-1>>;
 using Poses = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
 using Points = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
+using Numbers = nb::ndarray<nb::numpy, double, nb::ndim<1>>;
 
 void require(bool right, const char* message) {
     if (!right) throw std::invalid_argument(message);
@@ -72,6 +75,12 @@ Points rows(const std::vector<Vec3d>& points) {
     return to_numpy<Points>(std::move(out), {points.size(), 3});
 }
 
+Vec<kShared> numbers(const SharedNumbers& from) {
+    Vec<kShared> out;
+    std::copy_n(from.data(), kShared, out.v.begin());
+    return out;
+}
+
 std::vector<Observation> observations(const Indices& frame, const Indices& view, const Indices& point,
                                       const Rows2& plane) {
     std::vector<Observation> out(frame.size());
@@ -99,14 +108,17 @@ std::vector<Motion> motions(const Pairs& between, const Motions4& T, const Roots
 auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_world_rig, const Flags& fixed,
                    const Rows3& points, const Indices& frame, const Indices& view, const Indices& point,
                    const Rows2& plane, const Pairs& between, const Motions4& T_i_j, const Roots& roots,
-                   const Widths& motion_loss_scales, double loss_scale, int max_iterations, double tolerance,
-                   int threads) {
+                   const Widths& motion_loss_scales, const ByShared& by_shared, const SharedNumbers& shared,
+                   const SharedNumbers& shared_weight, double loss_scale, int max_iterations,
+                   double tolerance, int threads) {
     const std::size_t n = frame.size(), m = between.shape(0);
     require(fixed.size() == T_world_rig.shape(0), "fixed: expected one flag a frame");
     require(view.size() == n && point.size() == n && plane.shape(0) == n,
             "frame, view, point, plane: expected one row an observation");
     require(T_i_j.shape(0) == m && roots.shape(0) == m && motion_loss_scales.size() == m,
             "between, T_i_j, roots, motion_loss_scales: expected one row a motion");
+    const bool free = by_shared.shape(0) > 0;
+    require(!free || by_shared.shape(0) == n, "by_shared: expected one row an observation, or none");
     require_below(frame, T_world_rig.shape(0), "frame: an index is out of range");
     require_below(view, T_view_rig.shape(0), "view: an index is out of range");
     require_below(point, points.shape(0), "point: an index is out of range");
@@ -117,7 +129,11 @@ auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_w
                   {},
                   observations(frame, view, point, plane),
                   motions(between, T_i_j, roots, motion_loss_scales),
-                  loss_scale};
+                  loss_scale,
+                  {free, numbers(shared), numbers(shared_weight)}};
+    for (std::size_t i = 0; i < by_shared.shape(0); ++i)
+        std::copy_n(by_shared.data() + 2 * kShared * i, 2 * kShared,
+                    bundle.observations[i].by_shared.v.begin());
     bundle.fixed.assign(fixed.data(), fixed.data() + fixed.size());
     for (std::size_t i = 0; i < points.shape(0); ++i)
         bundle.points.push_back({{points(i, 0), points(i, 1), points(i, 2)}});
@@ -126,8 +142,10 @@ auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_w
         nb::gil_scoped_release release;
         done = adjust(bundle, max_iterations, tolerance, threads);
     }
-    return std::make_tuple(matrices(bundle.T_world_rig), rows(bundle.points), done.first_cost, done.cost,
-                           done.iterations);
+    const auto& found = bundle.shared.value.v;
+    return std::make_tuple(matrices(bundle.T_world_rig), rows(bundle.points),
+                           to_numpy<Numbers>(std::vector<double>(found.begin(), found.end()), {kShared}),
+                           done.first_cost, done.cost, done.iterations);
 }
 
 auto refined_pose(double focal, const Motions4& T_view_rig, const Motions4& T_world_rig, const Rows3& points,
@@ -157,9 +175,11 @@ void facetcam::bind_bundle(nb::module_& m) {
     m.def("adjust_bundle", &adjust_bundle, "focal"_a, "T_view_rig"_a.noconvert(), "T_world_rig"_a.noconvert(),
           "fixed"_a.noconvert(), "points"_a.noconvert(), "frame"_a.noconvert(), "view"_a.noconvert(),
           "point"_a.noconvert(), "plane"_a.noconvert(), "between"_a.noconvert(), "T_i_j"_a.noconvert(),
-          "roots"_a.noconvert(), "motion_loss_scales"_a.noconvert(), "loss_scale"_a, "max_iterations"_a,
+          "roots"_a.noconvert(), "motion_loss_scales"_a.noconvert(), "by_shared"_a.noconvert(),
+          "shared"_a.noconvert(), "shared_weight"_a.noconvert(), "loss_scale"_a, "max_iterations"_a,
           "tolerance"_a, "threads"_a,
-          "Poses (K, 4, 4) and points (P, 3) of least cost, the cost before and after, and the iterations.");
+          "Poses (K, 4, 4), points (P, 3) and shared numbers (3,) of least cost, the cost before and after, "
+          "and the iterations.");
     m.def("refine_pose", &refined_pose, "focal"_a, "T_view_rig"_a.noconvert(), "T_world_rig"_a.noconvert(),
           "points"_a.noconvert(), "view"_a.noconvert(), "plane"_a.noconvert(), "sigma"_a, "max_steps"_a,
           "Pose (1, 4, 4) that fits what was seen of known points.");

@@ -24,6 +24,7 @@ Adjustment adjust(Bundle& bundle, int max_iterations, double tolerance, int thre
         if (moved) system.linearise();
         const std::vector<Rigid> poses = bundle.T_world_rig;
         const std::vector<Vec3d> points = bundle.points;
+        const Vec<kShared> shared = bundle.shared.value;
         moved = false;
         if (system.solve(damping)) {
             const double promised = system.promise(damping);
@@ -31,7 +32,7 @@ Adjustment adjust(Bundle& bundle, int max_iterations, double tolerance, int thre
             system.step();
             const double now = system.cost(), gain = (cost - now) / promised;
             moved = gain > kLeastGain;
-            if (!moved) system.place(poses, points);
+            if (!moved) system.place(poses, points, shared);
             if (moved) {
                 const double decrease = cost - now;
                 cost = now;

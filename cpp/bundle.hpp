@@ -12,9 +12,18 @@ struct Pinholes {
     std::vector<Rigid> T_view_rig;
 };
 
+constexpr int kShared = 3;  // numbers of a camera that move all observations
+
 struct Observation {
     int frame, view, point;
     double x, y;
+    Mat<2, kShared> by_shared{};  // shift of the error, linear in the shared numbers
+};
+
+// The shared numbers with which observations are where they are, and the weights with which they are zero.
+struct Shared {
+    bool free = false;
+    Vec<kShared> value{}, weight{};
 };
 
 // A measured motion of frame j in frame i. `root` makes its error, rotation before translation, white; beyond
@@ -34,6 +43,7 @@ struct Bundle {
     std::vector<Observation> observations;
     std::vector<Motion> motions;
     double loss_scale;  // pixels beyond which the Cauchy loss of observations flattens
+    Shared shared{};
 };
 
 struct Adjustment {
@@ -41,7 +51,7 @@ struct Adjustment {
     int iterations;
 };
 
-// Moves free poses and all points to the least cost (half the sum of the losses) by Levenberg-Marquardt on
+// Moves free poses, all points and, where they are free, the shared numbers to the least cost (half the sum of the losses) by Levenberg-Marquardt on
 // the Schur complement. Every sum is made in one order, so that any number of threads gives the same bits.
 Adjustment adjust(Bundle& bundle, int max_iterations, double tolerance, int threads);
 

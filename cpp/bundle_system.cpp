@@ -56,6 +56,10 @@ BundleSystem::BundleSystem(Bundle& bundle, int threads)
     frame_block_.resize(frames_.size());
     frame_gradient_.resize(frames_.size());
     frame_step_.resize(frames_.size());
+    if (bundle.shared.free) {
+        point_share_.resize(bundle.points.size());
+        frame_shared_.resize(frames_.size());
+    }
     sort_observations();
     shape_system();
 }
@@ -83,7 +87,7 @@ void BundleSystem::sort_observations() {
                      [&](int a, int b) { return frames[at(a)] < frames[at(b)]; });
 }
 
-// Frames are coupled by the points that they share, and by motions.
+// Frames are coupled by the points that they share, and by motions; shared numbers are a last block with all.
 void BundleSystem::shape_system() {
     std::vector<int> first(frames_.size());
     std::iota(first.begin(), first.end(), 0);
@@ -101,6 +105,7 @@ void BundleSystem::shape_system() {
         }
     }
     for (const Motion& m : bundle_.motions) couple(row_of(m.i), row_of(m.j));
+    if (bundle_.shared.free) first.push_back(0);
     system_ = Skyline(first);
     right_side_.resize(at(system_.rows()));
 }
@@ -127,6 +132,8 @@ double BundleSystem::cost() const {
     double sum = std::accumulate(losses.begin(), losses.end(), 0.0);
     for (const Motion& m : bundle_.motions)
         sum += motion_error(m, bundle_.T_world_rig[at(m.i)], bundle_.T_world_rig[at(m.j)]).loss.value;
+    const auto& [free, value, weight] = bundle_.shared;
+    for (int i = 0; free && i < kShared; ++i) sum += weight[i] * value[i] * value[i];
     return 0.5 * sum;
 }
 
@@ -134,11 +141,13 @@ void BundleSystem::linearise() {
     over_points([this](int p) { linearise_point(p); });
     parallel_for(static_cast<int>(frames_.size()), threads_, [this](int row) { linearise_frame(row); });
     linearise_motions();
+    if (bundle_.shared.free) linearise_shared();
 }
 
 void BundleSystem::linearise_point(int p) {
     Mat3 block;
     Vec3d gradient;
+    Share share;
     for (int l = point_begin_[at(p)]; l < point_begin_[at(p) + 1]; ++l) {
         Link& link = links_[at(l)];
         Mat<6, 3> joint;
@@ -150,9 +159,16 @@ void BundleSystem::linearise_point(int p) {
             block += transposed_times(e.by_point, weighted);
             gradient += transposed_times(weighted, e.error);
             joint += transposed_times(e.by_frame, weighted);
+            if (bundle_.shared.free) {
+                const Mat<2, kShared>& by_shared = bundle_.observations[at(i)].by_shared;
+                share.joint += transposed_times(by_shared, weighted);
+                share.block += e.loss.weight * transposed_times(by_shared, by_shared);
+                share.gradient += e.loss.weight * transposed_times(by_shared, e.error);
+            }
         }
         link.joint = joint;
     }
+    if (bundle_.shared.free) point_share_[at(p)] = share;
     point_block_[at(p)] = block;
     point_gradient_[at(p)] = gradient;
 }
@@ -161,6 +177,7 @@ void BundleSystem::linearise_frame(int row) {
     const int frame = frames_[at(row)];
     Mat<6, 6> block;
     Vec<6> gradient;
+    Mat<kShared, 6> shared;
     for (int k = frame_begin_[at(frame)]; k < frame_begin_[at(frame) + 1]; ++k) {
         const Link& link = links_[at(by_frame_[at(k)])];
         for (int i = link.begin; i < link.end; ++i) {
@@ -170,10 +187,13 @@ void BundleSystem::linearise_frame(int row) {
             const Mat<2, 6> weighted = e.loss.weight * e.by_frame;
             block += transposed_times(e.by_frame, weighted);
             gradient += transposed_times(weighted, e.error);
+            if (bundle_.shared.free)
+                shared += transposed_times(bundle_.observations[at(i)].by_shared, weighted);
         }
     }
     frame_block_[at(row)] = block;
     frame_gradient_[at(row)] = gradient;
+    if (bundle_.shared.free) frame_shared_[at(row)] = shared;
 }
 
 void BundleSystem::linearise_motions() {
@@ -195,24 +215,44 @@ void BundleSystem::linearise_motions() {
     }
 }
 
-void BundleSystem::subtract(int row, int column, const Mat<6, 6>& block) {
-    for (int i = 0; i < 6; ++i) {
+void BundleSystem::linearise_shared() {
+    shared_block_ = {};
+    shared_gradient_ = {};
+    const auto& [free, value, weight] = bundle_.shared;
+    for (int i = 0; i < kShared; ++i) {
+        shared_block_(i, i) = weight[i];
+        shared_gradient_[i] = weight[i] * value[i];
+    }
+    for (const Share& share : point_share_) {
+        shared_block_ += share.block;
+        shared_gradient_ += share.gradient;
+    }
+}
+
+template <int Rows, int Columns>
+void BundleSystem::subtract(int row, int column, const Mat<Rows, Columns>& block) {
+    for (int i = 0; i < Rows; ++i) {
         double* values = system_.row(6 * row + i) + 6 * column;
-        for (int j = 0; j < 6; ++j)
+        for (int j = 0; j < Columns; ++j)
             if (6 * column + j <= 6 * row + i) values[j] -= block(i, j);
     }
 }
 
-// One row of blocks: the frame's own block, less what the points that it saw take away.
+// One row of blocks: the frame's own block, less what the points that it saw take away; and the block that
+// it has with the shared numbers.
 void BundleSystem::fill(int row, double damping) {
     const int frame = frames_[at(row)];
+    const int shared = static_cast<int>(frames_.size());
     Vec<6> right = -1.0 * frame_gradient_[at(row)];
     subtract(row, row, -1.0 * damped(frame_block_[at(row)], damping));
+    if (bundle_.shared.free) subtract(shared, row, -1.0 * frame_shared_[at(row)]);
     for (int k = frame_begin_[at(frame)]; k < frame_begin_[at(frame) + 1]; ++k) {
         const int own = by_frame_[at(k)];
         const Link& link = links_[at(own)];
         const Mat<6, 3> through = link.joint * point_inverse_[at(link.point)];
         right += through * point_gradient_[at(link.point)];
+        if (bundle_.shared.free)
+            subtract(shared, row, point_share_[at(link.point)].joint * transposed(through));
         for (int l = point_begin_[at(link.point)]; l <= own; ++l) {
             const Link& other = links_[at(l)];
             const int column = row_of(other.frame);
@@ -222,19 +262,41 @@ void BundleSystem::fill(int row, double damping) {
     for (int i = 0; i < 6; ++i) right_side_[at(6 * row + i)] = right[i];
 }
 
+// The last row of blocks, of which the shared numbers fill a part.
+void BundleSystem::fill_shared(double damping) {
+    const int row = static_cast<int>(frames_.size());
+    Mat<kShared, kShared> block = damped(shared_block_, damping);
+    Vec<kShared> right = -1.0 * shared_gradient_;
+    for (std::size_t p = 0; p < point_share_.size(); ++p) {
+        const Mat<kShared, 3> through = point_share_[p].joint * point_inverse_[p];
+        block -= through * transposed(point_share_[p].joint);
+        right += through * point_gradient_[p];
+    }
+    subtract(row, row, -1.0 * block);
+    for (int i = 0; i < Skyline::kBlock; ++i) {
+        if (i >= kShared) system_.row(6 * row + i)[6 * row + i] = 1.0;
+        right_side_[at(6 * row + i)] = i < kShared ? right[i] : 0.0;
+    }
+}
+
 bool BundleSystem::solve(double damping) {
     over_points(
         [&](int p) { point_inverse_[at(p)] = inverse_symmetric(damped(point_block_[at(p)], damping)); });
     system_.clear();
     parallel_for(static_cast<int>(frames_.size()), threads_, [&](int row) { fill(row, damping); });
     for (const Joint& joint : joints_) subtract(joint.row, joint.column, -1.0 * joint.block);
+    if (bundle_.shared.free) fill_shared(damping);
     if (!system_.factorise()) return false;
     system_.solve(right_side_.data());
     for (std::size_t row = 0; row < frames_.size(); ++row)
         std::copy_n(right_side_.begin() + static_cast<std::ptrdiff_t>(6 * row), 6,
                     frame_step_[row].v.begin());
+    if (bundle_.shared.free)
+        std::copy_n(right_side_.begin() + static_cast<std::ptrdiff_t>(6 * frames_.size()), kShared,
+                    shared_step_.v.begin());
     over_points([&](int p) {
         Vec3d pull = point_gradient_[at(p)];
+        if (bundle_.shared.free) pull += transposed_times(point_share_[at(p)].joint, shared_step_);
         for (int l = point_begin_[at(p)]; l < point_begin_[at(p) + 1]; ++l) {
             const int row = row_of(links_[at(l)].frame);
             if (row >= 0) pull += transposed_times(links_[at(l)].joint, frame_step_[at(row)]);
@@ -252,6 +314,8 @@ double BundleSystem::promise(double damping) const {
     for (std::size_t p = 0; p < point_step_.size(); ++p)
         sum += damping * diagonal_product(point_block_[p], point_step_[p]) -
                dot(point_gradient_[p], point_step_[p]);
+    if (bundle_.shared.free)
+        sum += damping * diagonal_product(shared_block_, shared_step_) - dot(shared_gradient_, shared_step_);
     return 0.5 * sum;
 }
 
@@ -262,9 +326,22 @@ void BundleSystem::step() {
         T_rig_world_[at(frames_[row])] = T.inverse();
     }
     for (std::size_t p = 0; p < point_step_.size(); ++p) bundle_.points[p] += point_step_[p];
+    if (bundle_.shared.free) move_shared(shared_step_);
 }
 
-void BundleSystem::place(const std::vector<Rigid>& T_world_rig, const std::vector<Vec3d>& points) {
+// What was observed moves against the error.
+void BundleSystem::move_shared(const Vec<kShared>& step) {
+    bundle_.shared.value += step;
+    for (Observation& seen : bundle_.observations) {
+        const Vec<2> shift = seen.by_shared * step;
+        seen.x -= shift[0];
+        seen.y -= shift[1];
+    }
+}
+
+void BundleSystem::place(const std::vector<Rigid>& T_world_rig, const std::vector<Vec3d>& points,
+                         const Vec<kShared>& shared) {
+    if (bundle_.shared.free) move_shared(shared - bundle_.shared.value);
     bundle_.T_world_rig = T_world_rig;
     bundle_.points = points;
     for (const int frame : frames_) T_rig_world_[at(frame)] = T_world_rig[at(frame)].inverse();

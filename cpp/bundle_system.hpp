@@ -19,16 +19,23 @@ class BundleSystem {
     bool solve(double damping);
     // Decrease of the cost that the linearised problem promises for the step.
     double promise(double damping) const;
-    // Moves poses and points by the step.
+    // Moves poses, points and shared numbers by the step.
     void step();
-    // Puts other poses and points in place.
-    void place(const std::vector<Rigid>& T_world_rig, const std::vector<Vec3d>& points);
+    // Puts others in place.
+    void place(const std::vector<Rigid>& T_world_rig, const std::vector<Vec3d>& points,
+               const Vec<kShared>& shared);
 
  private:
     // The observations that one frame made of one point, and their block in the normal equations.
     struct Link {
         int frame, point, begin, end;
         Mat<6, 3> joint;
+    };
+    // What the observations of one point say of the shared numbers.
+    struct Share {
+        Mat<kShared, 3> joint;
+        Mat<kShared, kShared> block;
+        Vec<kShared> gradient;
     };
     // A block that a motion puts between two frames.
     struct Joint {
@@ -41,8 +48,12 @@ class BundleSystem {
     void linearise_point(int point);
     void linearise_frame(int row);
     void linearise_motions();
+    void linearise_shared();
     void fill(int row, double damping);
-    void subtract(int row, int column, const Mat<6, 6>& block);
+    void fill_shared(double damping);
+    template <int Rows, int Columns>
+    void subtract(int row, int column, const Mat<Rows, Columns>& block);
+    void move_shared(const Vec<kShared>& step);
     void over_points(const std::function<void(int)>& task) const;
     int row_of(int frame) const { return rows_[static_cast<std::size_t>(frame)]; }
 
@@ -59,6 +70,10 @@ class BundleSystem {
     std::vector<Mat3> point_block_, point_inverse_;
     std::vector<Vec3d> point_gradient_, point_step_;
     std::vector<Joint> joints_;
+    std::vector<Share> point_share_;              // empty where the shared numbers are held
+    std::vector<Mat<kShared, 6>> frame_shared_;   // their blocks with the frames
+    Mat<kShared, kShared> shared_block_;
+    Vec<kShared> shared_gradient_, shared_step_;
     Skyline system_;
     std::vector<double> right_side_;
 };

@@ -102,11 +102,14 @@ def adjust_bundle(
     T_i_j: NDArray[np.float64],
     roots: NDArray[np.float64],
     motion_loss_scales: NDArray[np.float64],
+    by_shared: NDArray[np.float64],
+    shared: NDArray[np.float64],
+    shared_weight: NDArray[np.float64],
     loss_scale: float,
     max_iterations: int,
     tolerance: float,
     threads: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float, float, int]: ...
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float, float, int]: ...
 def refine_pose(
     focal: float,
     T_view_rig: NDArray[np.float64],

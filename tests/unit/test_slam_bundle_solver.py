@@ -62,7 +62,7 @@ def test_same_minimum_as_ceres(ryu: Optics, noisy: Bundle) -> None:
     assert np.abs(noisy.T_world_rig - theirs[0]).max() > 0.01
     np.testing.assert_allclose(ours[0], theirs[0], atol=2e-5)
     assert np.median(np.abs(ours[1] - theirs[1])) < 1e-5
-    assert cost(noisy, ryu, *ours) == pytest.approx(cost(noisy, ryu, *theirs), rel=1e-6)
+    assert cost(noisy, ryu, *ours[:2]) == pytest.approx(cost(noisy, ryu, *theirs), rel=1e-6)
 
 
 def test_same_minimum_as_ceres_with_odometry_between_the_frames(ryu: Optics, noisy: Bundle) -> None:
@@ -84,7 +84,7 @@ def test_no_small_move_lowers_the_cost(ryu: Optics, noisy: Bundle) -> None:
     A = 0.02 * rng.standard_normal((6, 6))
     T = se3.inverse(PATH[1]) @ PATH[4] @ se3.exp([0.05, -0.1, 0.2, 0.1, 0.0, 0.05])
     bundle = replace(noisy, motions=[RelativePose(4, 1, se3.inverse(T), A @ A.T + 1e-5 * np.eye(6), 3.0)])
-    poses, points = adjust(bundle, ryu, LOSS, 200, 1e-15)
+    poses, points, _ = adjust(bundle, ryu, LOSS, 200, 1e-15)
     least = cost(bundle, ryu, poses, points)
     for k in range(1, len(PATH)):
         for axis in range(6):
@@ -126,7 +126,7 @@ def test_points_and_frames_that_nothing_holds_stay(ryu: Optics, noisy: Bundle) -
         fixed=np.append(noisy.fixed, False),
         points=np.concatenate([noisy.points, [[9.0, 9.0, 9.0]]]),
     )
-    poses, points = adjust(lone, ryu, LOSS, 20, 1e-9)
+    poses, points, _ = adjust(lone, ryu, LOSS, 20, 1e-9)
     np.testing.assert_allclose(poses[-1], PATH[-1], atol=1e-12)
     np.testing.assert_array_equal(points[-1], [9.0, 9.0, 9.0])
     assert np.all(np.isfinite(poses)) and np.all(np.isfinite(points))

@@ -33,7 +33,7 @@ def test_the_creep_is_estimated_and_no_longer_spoils_the_path(creep: tuple[float
     for _ in range(6):
         filed.creep_to(estimate)
         plane = filed.plane(pixels, exact.view)
-        poses, points = adjust(replace(bundle, plane=plane), filed, 10.0 * SIGMA, 100, 1e-10)
+        poses, points, _ = adjust(replace(bundle, plane=plane), filed, 10.0 * SIGMA, 100, 1e-10)
         errors.append(float(np.linalg.norm(poses[:, :3, 3] - path[:, :3, 3], axis=1).max()))
         shift = shift_by_creep(plane, exact.view, filed)
         unknown = Nuisances.of(0.0, estimate, np.zeros_like(plane), shift)

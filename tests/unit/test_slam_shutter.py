@@ -59,7 +59,7 @@ def test_the_readout_is_estimated_and_no_longer_spoils_the_path(readout: float) 
     pixels = optics.pixels(seen, exact.view)
     bundle, estimate, errors = replace(exact, plane=seen), 0.0, []
     for _ in range(5):
-        poses, points = adjust(bundle, optics, 10.0 * SIGMA, 100, 1e-10)
+        poses, points, _ = adjust(bundle, optics, 10.0 * SIGMA, 100, 1e-10)
         errors.append(float(np.linalg.norm(poses[:, :3, 3] - path[:, :3, 3], axis=1).max()))
         bundle = replace(bundle, T_world_rig=poses, points=points)
         motion = swept(bundle, path, optics, pixels)

@@ -64,8 +64,11 @@ class Adjuster:
     def believe(self, nuisances: Array) -> None:
         """Go over to other `nuisances`."""
         with self._map.lock:
-            self._map.readout, self._map.creep = float(nuisances[0]), nuisances[1:]
-            self._map.see_through(self._optics)
+            self._go_over_to(nuisances)
+
+    def _go_over_to(self, nuisances: Array) -> None:
+        self._map.readout, self._map.creep = float(nuisances[0]), nuisances[1:]
+        self._map.see_through(self._optics)
 
     def adjust_window(self) -> None:
         """Adjust the window; older keyframes that share its points hold it in place."""
@@ -84,7 +87,7 @@ class Adjuster:
         """Adjust every keyframe and point, the first keyframe held; the last time more thoroughly."""
         if len(self._map.keyframes) > 1:
             everything = self._map.observed_points(self._map.keyframes)
-            self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP)
+            self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP, all=True)
 
     def adjust_coarsely(self) -> None:
         """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
@@ -104,7 +107,9 @@ class Adjuster:
             return np.inf
         found = self._give_covariances(bundle)
         if bundle.nuisances is not None and len(found.nuisance_step):
-            self.believe(believed(bundle.nuisances.values + found.nuisance_step, found.nuisance_covariance))
+            now = believed(bundle.nuisances.values + found.nuisance_step, found.nuisance_covariance)
+            if np.any((now == 0.0) != (self.nuisances == 0.0)):  # else the map has settled with them
+                self.believe(now)
         return found.scale_sigma
 
     def give_covariances(self) -> None:
@@ -142,18 +147,23 @@ class Adjuster:
         ids: Index,
         stop: tuple[int, float],
         loss: float = _LOSS,
+        all: bool = False,
     ) -> None:
         with self._map.lock:
-            bundle, used = self._bundle(keyframes, n_fixed, ids)
+            bundle, used = self._bundle(keyframes, n_fixed, ids, all)
         if not len(used):
             return
-        poses, xyz = adjust(bundle, self._optics, loss * self._config.pixel_sigma, *stop)
+        if bundle.nuisances is not None:
+            bundle.nuisances = bundle.nuisances.believed()
+        poses, xyz, nuisances = adjust(bundle, self._optics, loss * self._config.pixel_sigma, *stop)
         growth = _growth(bundle, poses, xyz)
         with self._map.lock:
             self._map.points.xyz[used] = xyz
             for keyframe, T, factor in zip(keyframes, poses, growth):
                 keyframe.T_world_rig = T
                 keyframe.grow(float(factor))
+            if len(nuisances):
+                self._go_over_to(np.pad(nuisances, (0, 3 - len(nuisances))))
             if loss == _LOSS:
                 self._cull(keyframes, used)
 

@@ -71,8 +71,8 @@ class Bundle:
 
 def adjust(
     bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: int, tolerance: float, threads: int = 0
-) -> tuple[Array, Array]:
-    """Minimise the Cauchy-weighted reprojection error over free poses and all points.
+) -> tuple[Array, Array, Array]:
+    """Minimise the Cauchy-weighted reprojection error over free poses, all points and the bundle's nuisances.
 
     The Levenberg-Marquardt steps eliminate the points (Schur complement). Any number of threads gives
     the same bits.
@@ -80,7 +80,8 @@ def adjust(
     Parameters
     ----------
     loss_scale : float
-        Residual in pixels beyond which the Cauchy loss flattens.
+        Residual in pixels beyond which the Cauchy loss flattens; so much counts as one standard deviation
+        against what is expected of the nuisances.
     max_iterations : int
     tolerance : float
         Relative change of the cost at which to stop.
@@ -91,9 +92,17 @@ def adjust(
     -------
     T_world_rig : (K, 4, 4) array
     points : (P, 3) array
+    nuisances : (N,) array
+        Their values, empty where the bundle has none.
     """
-    motions = bundle.motions
-    T_world_rig, points, *_ = _core.adjust_bundle(
+    motions, nuisances = bundle.motions, bundle.nuisances
+    values, weight, by = np.zeros(3), np.zeros(3), np.zeros((0, 2, 3))
+    N = 0 if nuisances is None else len(nuisances.values)
+    if nuisances is not None:
+        values[:N], weight[:N] = nuisances.values, (loss_scale / nuisances.sigma) ** 2
+        by = np.zeros((len(bundle.frame), 2, 3))
+        by[:, :, :N] = nuisances.by
+    T_world_rig, points, values, *_ = _core.adjust_bundle(
         focal=optics.focal,
         T_view_rig=np.ascontiguousarray(optics.T_view_rig),
         T_world_rig=np.ascontiguousarray(bundle.T_world_rig),
@@ -107,12 +116,15 @@ def adjust(
         T_i_j=np.array([m.T_i_j for m in motions]).reshape(-1, 4, 4),
         roots=np.array([_whitening(m.covariance) for m in motions]).reshape(-1, 6, 6),
         motion_loss_scales=np.array([m.loss_scale for m in motions]).reshape(-1),
+        by_shared=by,
+        shared=values,
+        shared_weight=weight,
         loss_scale=loss_scale,
         max_iterations=max_iterations,
         tolerance=tolerance,
         threads=threads or cv2.getNumThreads(),
     )
-    return T_world_rig, points
+    return T_world_rig, points, values[:N]
 
 
 def _whitening(covariance: Array) -> Array:

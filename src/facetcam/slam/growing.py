@@ -20,8 +20,7 @@ Array = NDArray[np.float64]
 
 _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
-_LAST_ROUNDS = 4
-_SETTLED = (2e-4, 0.02, 0.02)  # steps of the nuisances, in seconds and pixels
+_ROUNDS = 4
 
 
 class Grower:
@@ -102,12 +101,12 @@ class Grower:
         self._mapper.handovers.take_up()
         if last:
             self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
-        for _ in range(_LAST_ROUNDS if last else 1):
-            before = self._adjuster.nuisances
+        for _ in range(_ROUNDS):
             self._adjuster.wheels.compare(self._map.keyframes, self.scale_sigma)
             self._adjuster.adjust_all(last)
+            settled = self._adjuster.nuisances
             self.judge()
-            if np.all(np.abs(self._adjuster.nuisances - before) < _SETTLED):
+            if np.array_equal(self._adjuster.nuisances, settled):
                 break
         self._settle()
 

@@ -7,7 +7,7 @@ as if the views stood otherwise: a quarter of a pixel may cost a small rig two p
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,10 @@ class Nuisances:
         sigma = np.array([READOUT_SIGMA, CREEP_SIGMA, CREEP_SIGMA])
         by = np.concatenate([by_readout[:, :, None], by_creep], axis=2)
         return cls(np.array([readout, *creep]), sigma, by)
+
+    def believed(self) -> Nuisances:
+        """Those that are believed free, the others held at zero."""
+        return replace(self, by=self.by * (self.values != 0.0))
 
     def of_readout(self) -> Nuisances:
         """The readout alone, for a rig whose own principal point moves."""
