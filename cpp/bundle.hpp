@@ -51,8 +51,9 @@ struct Adjustment {
     int iterations;
 };
 
-// Moves free poses, all points and, where they are free, the shared numbers to the least cost (half the sum of the losses) by Levenberg-Marquardt on
-// the Schur complement. Every sum is made in one order, so that any number of threads gives the same bits.
+// Moves free poses, all points and, where they are free, the shared numbers to the least cost (half the sum
+// of the losses) by Levenberg-Marquardt on the Schur complement. Every sum is made in one order, so that any
+// number of threads gives the same bits.
 Adjustment adjust(Bundle& bundle, int max_iterations, double tolerance, int threads);
 
 }  // namespace facetcam

@@ -70,8 +70,8 @@ class BundleSystem {
     std::vector<Mat3> point_block_, point_inverse_;
     std::vector<Vec3d> point_gradient_, point_step_;
     std::vector<Joint> joints_;
-    std::vector<Share> point_share_;              // empty where the shared numbers are held
-    std::vector<Mat<kShared, 6>> frame_shared_;   // their blocks with the frames
+    std::vector<Share> point_share_;             // empty where the shared numbers are held
+    std::vector<Mat<kShared, 6>> frame_shared_;  // their blocks with the frames
     Mat<kShared, kShared> shared_block_;
     Vec<kShared> shared_gradient_, shared_step_;
     Skyline system_;

@@ -12,6 +12,7 @@ from slam_worlds import bundle_of, folded, in_sight, winding_path
 
 from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
+from facetcam.slam.nuisances import Nuisances
 from facetcam.slam.optics import Optics
 
 Array = NDArray[np.float64]
@@ -95,11 +96,48 @@ def test_no_small_move_lowers_the_cost(ryu: Optics, noisy: Bundle) -> None:
     assert cost(bundle, ryu, poses, points + 1e-4 * rng.standard_normal(points.shape)) > least
 
 
+def with_nuisances(bundle: Bundle) -> Bundle:
+    """With numbers that shift all observations at once, at one that is far from their true one."""
+    rng = np.random.default_rng(43)
+    by = rng.normal(0.0, 1.0, (len(bundle.frame), 2, 3))
+    values, sigma = np.array([0.7, -0.4, 0.0]), np.array([0.5, 5.0, 0.2])
+    return replace(bundle, plane=bundle.plane - by @ values, nuisances=Nuisances(values, sigma, by))
+
+
+def test_nuisances_settle_with_the_map(ryu: Optics, noisy: Bundle) -> None:
+    """At the minimum over poses, points and nuisances no small move of these lowers the cost."""
+    bundle = with_nuisances(noisy)
+    poses, points, found = adjust(bundle, ryu, LOSS, 300, 1e-15)
+    assert np.abs(found).max() < 0.02  # the images show that there are none
+    assert bundle.nuisances is not None
+
+    def whole_cost(values: Array) -> float:
+        nuisances = bundle.nuisances
+        assert nuisances is not None
+        plane = bundle.plane - nuisances.by @ (values - nuisances.values)
+        prior = 0.5 * LOSS**2 * float(np.sum((values / nuisances.sigma) ** 2))
+        return prior + cost(replace(bundle, plane=plane), ryu, poses, points)
+
+    least = whole_cost(found)
+    for step in 1e-4 * np.concatenate([np.eye(3), -np.eye(3)]):
+        assert whole_cost(found + step) > least
+    held = replace(noisy, plane=bundle.plane - bundle.nuisances.by @ (found - bundle.nuisances.values))
+    np.testing.assert_allclose(poses, adjust(held, ryu, LOSS, 300, 1e-15)[0], atol=2e-6)
+
+
+def test_a_nuisance_of_no_effect_stays(ryu: Optics, noisy: Bundle) -> None:
+    nuisances = Nuisances(np.zeros(1), np.ones(1), np.ones((len(noisy.frame), 2, 1)))
+    held = replace(noisy, nuisances=nuisances.believed())
+    ours, theirs = (adjust(b, ryu, LOSS, 20, 1e-9) for b in (held, noisy))
+    assert np.array_equal(ours[2], [0.0]) and len(theirs[2]) == 0
+    np.testing.assert_allclose(ours[0], theirs[0], atol=1e-9)
+
+
 @pytest.mark.parametrize("threads", [2, 3, 7])
 def test_any_number_of_threads_gives_the_same_bits(ryu: Optics, noisy: Bundle, threads: int) -> None:
-    one, more = adjust(noisy, ryu, LOSS, 8, 1e-9, 1), adjust(noisy, ryu, LOSS, 8, 1e-9, threads)
-    assert np.array_equal(one[0], more[0])
-    assert np.array_equal(one[1], more[1])
+    for bundle in (noisy, with_nuisances(noisy)):
+        one, more = adjust(bundle, ryu, LOSS, 8, 1e-9, 1), adjust(bundle, ryu, LOSS, 8, 1e-9, threads)
+        assert all(np.array_equal(a, b) for a, b in zip(one, more))
 
 
 def test_a_robust_motion_lets_a_slip_go(ryu: Optics, noisy: Bundle) -> None:

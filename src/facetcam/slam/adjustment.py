@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.bundle import Bundle, RelativePose, adjust
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.information import typical_noise
 from facetcam.slam.map import Keyframe, Map, shared_points
 from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
 from facetcam.slam.optics import Optics
@@ -153,9 +154,11 @@ class Adjuster:
             bundle, used = self._bundle(keyframes, n_fixed, ids, all)
         if not len(used):
             return
+        sigma, noise = self._config.pixel_sigma, 1.0
         if bundle.nuisances is not None:
             bundle.nuisances = bundle.nuisances.believed()
-        poses, xyz, nuisances = adjust(bundle, self._optics, loss * self._config.pixel_sigma, *stop)
+            noise = typical_noise(bundle, self._optics, sigma)
+        poses, xyz, nuisances = adjust(bundle, self._optics, loss * sigma, *stop, noise=noise)
         growth = _growth(bundle, poses, xyz)
         with self._map.lock:
             self._map.points.xyz[used] = xyz

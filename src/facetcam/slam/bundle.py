@@ -70,7 +70,13 @@ class Bundle:
 
 
 def adjust(
-    bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: int, tolerance: float, threads: int = 0
+    bundle: Bundle,
+    optics: Optics,
+    loss_scale: float,
+    max_iterations: int,
+    tolerance: float,
+    threads: int = 0,
+    noise: float = 1.0,
 ) -> tuple[Array, Array, Array]:
     """Minimise the Cauchy-weighted reprojection error over free poses, all points and the bundle's nuisances.
 
@@ -80,13 +86,14 @@ def adjust(
     Parameters
     ----------
     loss_scale : float
-        Residual in pixels beyond which the Cauchy loss flattens; so much counts as one standard deviation
-        against what is expected of the nuisances.
+        Residual in pixels beyond which the Cauchy loss flattens.
     max_iterations : int
     tolerance : float
         Relative change of the cost at which to stop.
     threads : int
         0 for all cores.
+    noise : float
+        Pixels that count as one standard deviation against what is expected of the nuisances.
 
     Returns
     -------
@@ -99,7 +106,7 @@ def adjust(
     values, weight, by = np.zeros(3), np.zeros(3), np.zeros((0, 2, 3))
     N = 0 if nuisances is None else len(nuisances.values)
     if nuisances is not None:
-        values[:N], weight[:N] = nuisances.values, (loss_scale / nuisances.sigma) ** 2
+        values[:N], weight[:N] = nuisances.values, (noise / nuisances.sigma) ** 2
         by = np.zeros((len(bundle.frame), 2, 3))
         by[:, :, :N] = nuisances.by
     T_world_rig, points, values, *_ = _core.adjust_bundle(
