@@ -206,11 +206,14 @@ class Tracker:
         return pose_by_flow(before, seen, xyz, frame, predicted[0], self._optics, self._config)
 
     def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
-        """Pose from corner descriptors: the first that the patches confirm clearly, else the best."""
+        """Pose from corner descriptors: the first that the patches confirm clearly, else the best.
+
+        What is confirmed where the rig should be needs not be sharp: a floor that repeats is, elsewhere.
+        """
         best = None
         for T in self._relocaliser.propose(frame, *predicted):
             fix = self.locate_from_afar(frame, T, velocity=velocity)
-            if fix is not None and fix.clear and fix.sharp:
+            if fix is not None and fix.clear and (fix.sharp or any(beside(fix.T_world_rig, p) for p in predicted)):
                 return fix
             best = better(best, fix)
         return best
