@@ -7,6 +7,8 @@
 
 namespace facetcam {
 
+inline std::size_t at(int index) { return static_cast<std::size_t>(index); }
+
 // Every block is summed by one task in the order of the observations, whatever the number of threads.
 class BundleSystem {
  public:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.bundle import Bundle, RelativePose, adjust
+from facetcam.slam.bundle import Bundle, RelativePose, adjust, growth
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.information import typical_noise
 from facetcam.slam.map import Keyframe, Map, shared_points
@@ -88,7 +88,7 @@ class Adjuster:
         """Adjust every keyframe and point, the first keyframe held; the last time more thoroughly."""
         if len(self._map.keyframes) > 1:
             everything = self._map.observed_points(self._map.keyframes)
-            self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP, all=True)
+            self._adjust(self._map.keyframes, 1, everything, _LAST_STOP if last else _GLOBAL_STOP, swept=True)
 
     def adjust_coarsely(self) -> None:
         """Adjust a whole map that is bent: losses begin wide, and nothing is culled yet."""
@@ -148,10 +148,10 @@ class Adjuster:
         ids: Index,
         stop: tuple[int, float],
         loss: float = _LOSS,
-        all: bool = False,
+        swept: bool = False,
     ) -> None:
         with self._map.lock:
-            bundle, used = self._bundle(keyframes, n_fixed, ids, all)
+            bundle, used = self._bundle(keyframes, n_fixed, ids, swept)
         if not len(used):
             return
         sigma, noise = self._config.pixel_sigma, 1.0
@@ -159,10 +159,10 @@ class Adjuster:
             bundle.nuisances = bundle.nuisances.believed()
             noise = typical_noise(bundle, self._optics, sigma)
         poses, xyz, nuisances = adjust(bundle, self._optics, loss * sigma, *stop, noise=noise)
-        growth = _growth(bundle, poses, xyz)
+        factors = growth(bundle, poses, xyz)
         with self._map.lock:
             self._map.points.xyz[used] = xyz
-            for keyframe, T, factor in zip(keyframes, poses, growth):
+            for keyframe, T, factor in zip(keyframes, poses, factors):
                 keyframe.T_world_rig = T
                 keyframe.grow(float(factor))
             if len(nuisances):
@@ -245,14 +245,3 @@ def _hold_scale(keyframes: list[Keyframe]) -> RelativePose:
     T = se3.inverse(keyframes[0].T_world_rig) @ keyframes[-1].T_world_rig
     sigma = _SCALE_HOLD * max(float(np.linalg.norm(T[:3, 3])), 1e-3)
     return RelativePose(0, len(keyframes) - 1, T, np.diag([1.0, 1.0, 1.0, *(3 * [sigma**2])]))
-
-
-def _growth(bundle: Bundle, T_world_rig: Array, points: Array) -> Array:
-    """Factor (K,) by which an adjustment moved the points away from each keyframe, at the median."""
-    before, after = (
-        np.linalg.norm(xyz[bundle.point] - T[bundle.frame, :3, 3], axis=1)
-        for xyz, T in ((bundle.points, bundle.T_world_rig), (points, T_world_rig))
-    )
-    ratio = after / np.maximum(before, 1e-9)
-    rows = [ratio[bundle.frame == k] for k in range(len(T_world_rig))]
-    return np.array([np.median(r) if len(r) else 1.0 for r in rows])

@@ -134,6 +134,17 @@ def adjust(
     return T_world_rig, points, values[:N]
 
 
+def growth(bundle: Bundle, T_world_rig: Array, points: Array) -> Array:
+    """Factor (K,) by which an adjustment moved the points away from each keyframe, at the median."""
+    before, after = (
+        np.linalg.norm(xyz[bundle.point] - T[bundle.frame, :3, 3], axis=1)
+        for xyz, T in ((bundle.points, bundle.T_world_rig), (points, T_world_rig))
+    )
+    ratio = after / np.maximum(before, 1e-9)
+    rows = [ratio[bundle.frame == k] for k in range(len(T_world_rig))]
+    return np.array([np.median(r) if len(r) else 1.0 for r in rows])
+
+
 def _whitening(covariance: Array) -> Array:
     """Matrix (6, 6) that gives errors of this covariance unit variance."""
     return np.linalg.inv(np.linalg.cholesky(covariance))

@@ -213,7 +213,11 @@ class Tracker:
         best = None
         for T in self._relocaliser.propose(frame, *predicted):
             fix = self.locate_from_afar(frame, T, velocity=velocity)
-            if fix is not None and fix.clear and (fix.sharp or any(beside(fix.T_world_rig, p) for p in predicted)):
+            if (
+                fix is not None
+                and fix.clear
+                and (fix.sharp or any(beside(fix.T_world_rig, p) for p in predicted))
+            ):
                 return fix
             best = better(best, fix)
         return best
