@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.simulation.drive import round_the_table, wheel_odometry
+from facetcam.simulation.drive import Drive, SmoothPath, round_the_table, wheel_odometry
 from facetcam.simulation.room import LENGTH, WIDTH, furnished_room
 
 
@@ -66,3 +67,24 @@ def test_the_room_is_the_same_every_time() -> None:
         ratio = np.array(surface.size) / surface.picture.shape[1::-1]
         if min(surface.picture.shape[:2]) > 20:
             assert ratio.max() / ratio.min() < 1.06  # texels are about square
+
+
+def swaying(time: float) -> NDArray[np.float64]:
+    """A pose that swings by some degrees and centimetres on its way."""
+    turn = [0.07 * np.sin(4.0 * time), 0.05 * np.cos(3.0 * time), 0.5 * time, 0.0, 0.0, 0.0]
+    T = se3.exp(turn)
+    T[:3, 3] = [0.75 * time, 0.1 * np.sin(2.0 * time), 0.15 * np.sin(1.5 * time)]
+    return T
+
+
+def test_a_smooth_path_runs_through_its_poses_as_the_rig_did() -> None:
+    times = np.arange(0.0, 4.0, 0.1)
+    path = SmoothPath(Drive(times, np.array([swaying(t) for t in times])))
+    assert all(np.allclose(path(t), swaying(t), atol=1e-9) for t in times)
+    for time in np.arange(0.5, 3.5, 0.017):
+        off = se3.log(se3.inverse(swaying(time)) @ path(time))
+        assert np.abs(off[:3]).max() < 2e-5 and np.abs(off[3:]).max() < 2e-5
+    for time in times[5:-5]:  # no kink at a pose: the same velocity just before and after
+        before, after = (se3.log(se3.inverse(path(time - a)) @ path(time - a + 1e-4)) for a in (1e-4, 0.0))
+        assert np.abs(after - before).max() < 1e-3 * np.abs(after).max()
+    assert np.array_equal(path(-1.0), path(0.0)) and np.array_equal(path(9.0), path(times[-1]))

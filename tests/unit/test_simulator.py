@@ -16,7 +16,7 @@ from facetcam.geometry import se3
 from facetcam.rig import Rig, View
 from facetcam.rig.camera import BROWN_CONRADY, Camera
 from facetcam.simulation.build import built, stated
-from facetcam.simulation.drive import Drive, through
+from facetcam.simulation.drive import Drive, SmoothPath, through
 from facetcam.simulation.light import SCATTERED
 from facetcam.simulation.meshes import Material, Mesh, joined, quad, within_memory
 from facetcam.simulation.paths import RigPaths
@@ -429,11 +429,11 @@ def test_too_many_triangles_and_texels_are_kept_out_of_memory(monkeypatch: pytes
 
 
 def test_a_standing_drive_has_lamps_and_frames() -> None:
-    from facetcam.pipelines.simulate_inputs import hung_lamps, pose_between
+    from facetcam.pipelines.simulate_inputs import hung_lamps
 
     one = Drive(np.zeros(1), np.eye(4)[None])
-    assert np.array_equal(pose_between(one, 3.0), np.eye(4))
+    assert np.array_equal(SmoothPath(one)(3.0), np.eye(4))
     assert len(hung_lamps(np.zeros((1, 3)), glowing(room_quads()))) == 1
     two = Drive(np.array([0.0, 1.0]), np.array([np.eye(4), se3.exp([0, 0, 1.0, 0, 0, 0])]))
-    half = pose_between(two, 0.5)
+    half = SmoothPath(two)(0.5)
     assert np.allclose(se3.log(half)[:3], [0, 0, 0.5])

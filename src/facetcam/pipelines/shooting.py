@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from facetcam.errors import SourceError
 from facetcam.io.outputs import LineWriter, atomic_write, writing
 from facetcam.io.tables import read_numbers
-from facetcam.pipelines.simulate_inputs import SimulationInputs, pose_between
-from facetcam.simulation.drive import Drive
+from facetcam.pipelines.simulate_inputs import SimulationInputs
+from facetcam.simulation.drive import Drive, SmoothPath
 from facetcam.simulation.exposures import Exposures
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.sensor import AutoExposure, Sensor
@@ -35,6 +35,7 @@ class Shooting:
         self.frames = folder / "frames"
         self.done = 0
         self._inputs, self._still = inputs, still
+        self._motion = SmoothPath(inputs.path)
         camera = inputs.config.camera
         self._exposures = Exposures(inputs.true, renderer, camera)
         self._sensor = Sensor(camera.full_well, camera.read_noise)
@@ -82,7 +83,7 @@ class Shooting:
     def _pose(self, index: int) -> Any:
         if self._still:
             return lambda time: self.film.poses[index]
-        return lambda time: pose_between(self._inputs.path, time)
+        return self._motion
 
     def _develop(self, radiance: NDArray[np.float32], exposure: float, index: int) -> Image:
         noisy = self._inputs.config.camera.noise

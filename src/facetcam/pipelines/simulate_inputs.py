@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from facetcam.config import load_config
 from facetcam.errors import FacetcamError, SourceError
-from facetcam.geometry import se3
 from facetcam.io.tables import rows_of_table
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
 from facetcam.simulation.build import built
-from facetcam.simulation.drive import MOST_FRAMES, Drive, through
+from facetcam.simulation.drive import MOST_FRAMES, Drive, SmoothPath, through
 from facetcam.simulation.meshes import Mesh
 from facetcam.simulation.scene_files import read_scene
 from facetcam.simulation.settings import LampSettings, SimulationConfig
@@ -108,22 +107,6 @@ def read_simulation_inputs(options: Options) -> SimulationInputs:
     return SimulationInputs(options, scene.mesh, drawn, true, path, film, fps, config, lamps, warnings)
 
 
-def pose_between(drive: Drive, time: float) -> Array:
-    """T_world_rig at a time; that of the first or last pose beyond them."""
-    after = int(np.clip(np.searchsorted(drive.times, time, side="right"), 1, max(len(drive) - 1, 1)))
-    if len(drive) == 1:
-        return np.asarray(drive.poses[0])
-    begin, end = drive.poses[after - 1], drive.poses[after]
-    share = np.clip((time - drive.times[after - 1]) / (drive.times[after] - drive.times[after - 1]), 0.0, 1.0)
-    if share in (0.0, 1.0):
-        return np.asarray(end if share else begin)
-    pose = begin.copy()
-    turn = se3.log(se3.from_rotation_translation(begin[:3, :3].T @ end[:3, :3], np.zeros(3)))[:3]
-    pose[:3, :3] = begin[:3, :3] @ se3.exp([*(share * turn), 0.0, 0.0, 0.0])[:3, :3]
-    pose[:3, 3] += share * (end[:3, 3] - begin[:3, 3])
-    return np.asarray(pose)
-
-
 def hung_lamps(places: Array, mesh: Mesh) -> tuple[LampSettings, ...]:
     """Lamps along a path (N, 3), above it but inside the scene."""
     away = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
@@ -198,4 +181,5 @@ def _frames(path: Drive, options: Options) -> tuple[Drive, int]:
             f" at {fps} a second; give a shorter path, --fps or --max-frames for {MOST_FRAMES} at most"
         )
     times = np.arange(count) / fps
-    return Drive(times, np.array([pose_between(path, float(time)) for time in times])), fps
+    motion = SmoothPath(path)
+    return Drive(times, np.array([motion(float(time)) for time in times])), fps

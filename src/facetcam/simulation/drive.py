@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation, RotationSpline
 
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
@@ -35,6 +36,34 @@ class Drive:
 
     def __len__(self) -> int:
         return len(self.times)
+
+
+class SmoothPath:
+    """The motion through the poses of a drive, with a steady velocity; at rest before and after them.
+
+    A rolling shutter shows how the rig moves within a frame, and no rig changes its velocity at once.
+
+    Parameters
+    ----------
+    drive : Drive
+    """
+
+    def __init__(self, drive: Drive) -> None:
+        from scipy.interpolate import CubicSpline
+
+        self._drive = drive
+        if len(drive) > 1:
+            turns = Rotation.from_matrix(drive.poses[:, :3, :3])
+            self._turn = RotationSpline(drive.times, turns)
+            self._place = CubicSpline(drive.times, drive.poses[:, :3, 3], bc_type="natural")
+
+    def __call__(self, time: float) -> Array:
+        """T_world_rig (4, 4) at a time in seconds."""
+        times = self._drive.times
+        if len(times) == 1:
+            return np.asarray(self._drive.poses[0])
+        moment = float(np.clip(time, times[0], times[-1]))
+        return se3.from_rotation_translation(self._turn(moment).as_matrix(), self._place(moment))
 
 
 def round_the_table(frames: int, fps: float = 10.0, height: float = 0.85, bumps: float = 0.0) -> Drive:
