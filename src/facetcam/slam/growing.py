@@ -106,7 +106,8 @@ class Grower:
             self._adjuster.adjust_all(last)
             settled = self._adjuster.nuisances
             self.judge()
-            if np.array_equal(self._adjuster.nuisances, settled):
+            young = not (last or np.isfinite(self.scale_sigma))
+            if young or np.array_equal(self._adjuster.nuisances, settled):
                 break
         self._settle()
 
