@@ -88,3 +88,15 @@ def test_a_smooth_path_runs_through_its_poses_as_the_rig_did() -> None:
         before, after = (se3.log(se3.inverse(path(time - a)) @ path(time - a + 1e-4)) for a in (1e-4, 0.0))
         assert np.abs(after - before).max() < 1e-3 * np.abs(after).max()
     assert np.array_equal(path(-1.0), path(0.0)) and np.array_equal(path(9.0), path(times[-1]))
+
+
+def test_a_smooth_path_does_not_swing_out_where_poses_are_missing() -> None:
+    """A rig at half a metre a second, not seen for five seconds in which it turned by a right angle."""
+    times = np.concatenate([np.arange(0.0, 1.0, 0.1), np.arange(6.0, 7.0, 0.1)])
+    poses = np.array([se3.exp([0.0, 0.0, np.pi / 2 * (t > 3.0), 0.0, 0.0, 0.0]) for t in times])
+    poses[:, 0, 3] = 0.5 * np.where(times < 3.0, times, times - 5.0)
+    path = SmoothPath(Drive(times, poses))
+    for time in np.arange(0.9, 6.0, 0.05):
+        T = path(time)
+        assert 0.4 < T[0, 3] < 0.55
+        assert -0.02 < se3.log(T)[2] < np.pi / 2 + 0.02

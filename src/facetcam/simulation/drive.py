@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation, RotationSpline
+from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 SPEED = 0.75  # metres a second, reached within the first second
 MOST_FRAMES = 1_000_000  # a day at 11 frames a second
+_GAP = 4.0  # times the usual step between poses
 WHEELBASE = 0.3  # metres over which bumps tilt the robot
 BUMPS = ((1.2, 0.15), (3.4, 0.4), (5.6, 0.2))  # metres along the path, half width in metres
 
@@ -41,7 +42,8 @@ class Drive:
 class SmoothPath:
     """The motion through the poses of a drive, with a steady velocity; at rest before and after them.
 
-    A rolling shutter shows how the rig moves within a frame, and no rig changes its velocity at once.
+    A rolling shutter shows how the rig moves within a frame, and no rig changes its velocity at once. Where
+    poses are missing it goes straight on to the next one.
 
     Parameters
     ----------
@@ -53,9 +55,9 @@ class SmoothPath:
 
         self._drive = drive
         if len(drive) > 1:
-            turns = Rotation.from_matrix(drive.poses[:, :3, :3])
-            self._turn = RotationSpline(drive.times, turns)
-            self._place = CubicSpline(drive.times, drive.poses[:, :3, 3], bc_type="natural")
+            times, turns, places = _with_ends_of_gaps(drive)
+            self._turn = RotationSpline(times, turns)
+            self._place = CubicSpline(times, places, bc_type="natural")
 
     def __call__(self, time: float) -> Array:
         """T_world_rig (4, 4) at a time in seconds."""
@@ -64,6 +66,21 @@ class SmoothPath:
             return np.asarray(self._drive.poses[0])
         moment = float(np.clip(time, times[0], times[-1]))
         return se3.from_rotation_translation(self._turn(moment).as_matrix(), self._place(moment))
+
+
+def _with_ends_of_gaps(drive: Drive) -> tuple[Array, Rotation, Array]:
+    """Times, turns and places (N, 3), two more in each gap: without them splines swing out there."""
+    times, turns = drive.times, Rotation.from_matrix(drive.poses[:, :3, :3])
+    places, steps = drive.poses[:, :3, 3], np.diff(drive.times)
+    gaps = np.flatnonzero(steps > _GAP * np.median(steps))
+    more = np.concatenate([times[gaps] + np.median(steps), times[gaps + 1] - np.median(steps)])
+    order = np.argsort(np.concatenate([times, more]))
+    between = np.column_stack([np.interp(more, times, column) for column in places.T])
+    return (
+        np.concatenate([times, more])[order],
+        Rotation.concatenate([turns, Slerp(times, turns)(more)])[order],
+        np.concatenate([places, between])[order],
+    )
 
 
 def round_the_table(frames: int, fps: float = 10.0, height: float = 0.85, bumps: float = 0.0) -> Drive:
