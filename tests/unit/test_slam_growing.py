@@ -115,34 +115,3 @@ def test_a_place_farther_off_than_the_map_can_be_is_a_look_alike(
     closer = returning(monkeypatch, map, (away, 0.0, 0.0))
     monkeypatch.setattr(closer, "_close", lambda *_: loops.Loop(40, 0, 50, away))
     assert int(closer.close(map.keyframes[-1], metric) is not None) == closes
-
-
-class Wavering(Stub):
-    """An adjuster that believes in another readout when it judges for the first time."""
-
-    def __init__(self, scale_sigma: float) -> None:
-        super().__init__(adjust_coarsely=None)
-        self.wheels, self.nuisances = Stub(compare=None), np.zeros(3)
-        self.rounds, self._sigma = 0, scale_sigma
-
-    def adjust_all(self, last: bool) -> None:
-        self.rounds += 1
-
-    def judge(self) -> float:
-        self.nuisances = np.array([0.01, 0.0, 0.0])
-        return self._sigma
-
-
-@pytest.mark.parametrize(
-    ("sigma", "last", "rounds"), [(0.01, False, 2), (np.inf, False, 1), (np.inf, True, 2)]
-)
-def test_a_map_settles_with_a_new_readout_once_it_knows_its_scale(
-    sigma: float, last: bool, rounds: int
-) -> None:
-    """Before that it may follow a person, whose way looks like a shutter that rolls."""
-    mapper, adjuster = Stub(seek_scale=None), Wavering(sigma)
-    told = Evidence(0.0, 0.01, 50, np.ones(50, np.bool_))
-    mapper.handovers = Stub(take_up=None, evidence=told)
-    grower = Grower(Map(), Stub(), mapper, adjuster, Stub(), SlamConfig())  # type: ignore[arg-type]
-    grower.adjust_all(last)
-    assert adjuster.rounds == rounds

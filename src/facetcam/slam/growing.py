@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 _FIRST_GLOBAL = 5  # keyframes
 _GLOBAL_GROWTH = 1.5
-_ROUNDS = 4
+_LAST_ROUNDS = 4
 
 
 class Grower:
@@ -101,13 +101,12 @@ class Grower:
         self._mapper.handovers.take_up()
         if last:
             self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
-        for _ in range(_ROUNDS):
+        for _ in range(_LAST_ROUNDS if last else 1):
             self._adjuster.wheels.compare(self._map.keyframes, self.scale_sigma)
             self._adjuster.adjust_all(last)
             settled = self._adjuster.nuisances
             self.judge()
-            young = not (last or np.isfinite(self.scale_sigma))
-            if young or np.array_equal(self._adjuster.nuisances, settled):
+            if np.array_equal(self._adjuster.nuisances, settled):
                 break
         self._settle()
 
