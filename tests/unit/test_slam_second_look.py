@@ -13,11 +13,13 @@ from facetcam.slam.fix import Fix
 from facetcam.slam.frame import Frame
 from facetcam.slam.measure import Measurements, Predictions
 from facetcam.slam.pose import Pose
+from facetcam.slam.relocalisation import Relocaliser
 from facetcam.slam.tracking import Tracker
 
 Array = NDArray[np.float64]
 
 RIGHT = np.eye(4)
+FURTHER = se3.exp([0.0, 0.0, 0.0, 0.0, 1.5, 0.0])
 PREDICTED, WRONG = (se3.exp([0.0, turn, 0.0, way, 0.0, 0.0]) for turn, way in ((0.003, 0.005), (0.016, 0.02)))
 
 
@@ -60,3 +62,29 @@ def test_poses_that_agree_need_none(turned: float, looks: int) -> None:
     found = scene.chosen(RIGHT @ se3.exp([0.0, turned, 0.0, 0.001, 0.0, 0.0]))
     assert scene.looks == looks
     np.testing.assert_allclose(found.T_world_rig, RIGHT)
+
+
+class Carpet(Tracker):
+    """A floor that repeats: 190 points of a pose further on agree sharply, 130 of the right one less so."""
+
+    def __init__(self) -> None:
+        self._relocaliser = cast(Relocaliser, self)
+
+    def propose(self, *_: object) -> list[Array]:
+        return [RIGHT, FURTHER]
+
+    def locate_from_afar(self, frame: Frame, guess: Array, *_: object, **__: object) -> Fix:  # type: ignore[override]
+        return fix(FURTHER, 190, 0.3) if np.allclose(guess, FURTHER) else fix(RIGHT, 130, 2.0)
+
+    def chosen(self, *predicted: Array) -> Array:
+        found = self._relocate(cast(Frame, None), np.zeros(6), *predicted)
+        assert found is not None
+        return found.T_world_rig
+
+
+def test_what_repeats_elsewhere_does_not_win_over_a_pose_where_the_rig_should_be() -> None:
+    np.testing.assert_allclose(Carpet().chosen(PREDICTED), RIGHT)
+
+
+def test_where_nothing_says_where_the_rig_should_be_the_sharper_pose_wins() -> None:
+    np.testing.assert_allclose(Carpet().chosen(), FURTHER)

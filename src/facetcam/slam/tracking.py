@@ -208,16 +208,13 @@ class Tracker:
     def _relocate(self, frame: Frame, velocity: Array, *predicted: Array) -> Fix | None:
         """Pose from corner descriptors: the first that the patches confirm clearly, else the best.
 
-        What is confirmed where the rig should be needs not be sharp: a floor that repeats is, elsewhere.
+        Where the rig should be it need not be sharp: a floor that repeats is, a piece further.
         """
         best = None
         for T in self._relocaliser.propose(frame, *predicted):
             fix = self.locate_from_afar(frame, T, velocity=velocity)
-            if (
-                fix is not None
-                and fix.clear
-                and (fix.sharp or any(beside(fix.T_world_rig, p) for p in predicted))
-            ):
+            expected = fix is not None and any(beside(fix.T_world_rig, p) for p in predicted)
+            if fix is not None and fix.clear and (fix.sharp or expected):
                 return fix
             best = better(best, fix)
         return best
