@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,15 +13,19 @@ from facetcam.rig import Rig
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("per_cent", [-1.0, 0.0, 3.0])
-def test_a_wrong_lens_is_not_metric(shared_data: Path, tmp_path: Path, per_cent: float) -> None:
+@pytest.mark.parametrize(("per_cent", "wheels"), [(-1.0, False), (-1.0, True), (0.0, False), (3.0, False)])
+def test_a_wrong_lens_is_not_metric(shared_data: Path, tmp_path: Path, per_cent: float, wheels: bool) -> None:
+    """Neither the run nor any of its states."""
     house, factor = shared_data / "house", 1.0 + per_cent / 100.0
     rig = Rig.load(house / "rig_true.yaml")
     lens = replace(rig.camera, fx=factor * rig.camera.fx, fy=factor * rig.camera.fy)
     replace(rig, camera=lens).save(tmp_path / "rig.yaml")
-    summary = run_slam(house / "loop.mp4", tmp_path / "rig.yaml", tmp_path / "run", truth=house / "loop.tum")
+    files = {"odometry": house / "loop_odometry.csv" if wheels else None, "truth": house / "loop.tum"}
+    summary = run_slam(house / "loop.mp4", tmp_path / "rig.yaml", tmp_path / "run", **files)
+    with (tmp_path / "run" / "states.csv").open() as file:
+        metric = [row["metric"] == "1" for row in csv.DictReader(file)]
     assert summary.errors is not None
-    assert summary.metric == (per_cent == 0.0) == (summary.scale_sigma is not None)
+    assert any(metric) == summary.metric == (per_cent == 0.0) == (summary.scale_sigma is not None)
     if summary.metric:
         assert summary.scale_sigma is not None and summary.drawn_scale_sigma is not None
         assert abs(summary.errors.scale_error) < 3.0 * summary.scale_sigma < summary.drawn_scale_sigma

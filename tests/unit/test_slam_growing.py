@@ -94,7 +94,8 @@ def test_tracking_goes_on_while_a_pose_graph_is_solved(monkeypatch: pytest.Monke
     mapper.handovers = Stub(take_up=None, evidence=Evidence.none())
     adjuster = Stub(adjust_coarsely=None, adjust_all=None, judge=0.001)
     adjuster.nuisances, adjuster.wheels = np.zeros(3), Stub(compare=None)
-    grower = Grower(map, Stub(add=None), mapper, adjuster, closer, SlamConfig())  # type: ignore[arg-type]
+    others = Stub(add=None), mapper, adjuster, closer, Stub(), Stub(), SlamConfig()
+    grower = Grower(map, *others)  # type: ignore[arg-type]
     grower.scale_sigma = 0.001
     grower.grow(None, closer._verified(*4 * [None]), None, Trajectory())  # type: ignore[arg-type]
     assert free == [True]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,8 +14,11 @@ from facetcam.rig import Rig
 from facetcam.rig.freedom import moved, tolerance
 from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.growing import Grower
+from facetcam.slam.information import linearise_all, rig_derivatives
 from facetcam.slam.optics import Optics
-from facetcam.slam.rig_audit import RigAudit, audit_rig
+from facetcam.slam.rig_audit import RigAudit, audit_rig, drawn_scale_sigma
+from facetcam.slam.rig_check import RigCheck
 
 RIGS = {"folded": folded(), "pyramid": pyramid()}
 CONFIG = SlamConfig()
@@ -25,17 +29,18 @@ def focal(rig: Rig, factor: float) -> Rig:
     return replace(rig, camera=replace(camera, fx=factor * camera.fx, fy=factor * camera.fy))
 
 
-def audited(true: Rig, judged: Rig, seed: int) -> tuple[RigAudit, float, float]:
-    """The audit of one rig on the map of what another saw, sigma and error of that map's scale."""
+def audited(true: Rig, judged: Rig, seed: int) -> tuple[RigAudit, float | None, float, float]:
+    """The audit of one rig on the map of what another saw; sigmas (drawn, exact) and error of its scale."""
     rng, optics, path = np.random.default_rng(seed), Optics(judged, 8.0), winding_path(12, 1.5)
     world = mapped(true, optics, path, rng, 0.2)
     adjuster = Adjuster(world, optics, CONFIG)
     adjuster.adjust_all(last=True)
     before = world.poses()
     found = audit_rig(optics, adjuster, CONFIG.pixel_sigma)
+    drawn = drawn_scale_sigma(optics, adjuster, CONFIG.pixel_sigma)
     np.testing.assert_array_equal(world.poses(), before)  # it leaves all as it is
     assert found is not None
-    return found, adjuster.judge(), scale_error(world.poses()[:, :3, 3], path[:, :3, 3])
+    return found, drawn, adjuster.judge(), scale_error(world.poses()[:, :3, 3], path[:, :3, 3])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -46,7 +51,7 @@ def test_a_true_rig_is_not_denied(name: str, seed: int) -> None:
     assert found.complaint == ""
 
 
-@pytest.mark.parametrize("factor", [0.97, 1.03])
+@pytest.mark.parametrize("factor", [0.97, 0.99, 1.01, 1.03])
 @pytest.mark.parametrize("name", RIGS)
 def test_another_focal_length_is_denied(name: str, factor: float) -> None:
     found, *_ = audited(RIGS[name], focal(RIGS[name], factor), 4)
@@ -62,9 +67,9 @@ def test_the_scale_of_a_drawing_is_as_wrong_as_is_said(name: str) -> None:
     off = []
     for seed in range(8):
         built = moved(rig, open_, rng.multivariate_normal(np.zeros(len(open_.matrix)), open_.matrix))
-        found, exact, error = audited(replace(built, covariance=None), rig, seed)
-        assert found.drawn_sigma is not None and found.drawn_sigma > 3.0 * exact
-        off.append(error / found.drawn_sigma)
+        _, drawn, exact, error = audited(replace(built, covariance=None), rig, seed)
+        assert drawn is not None and drawn > 3.0 * exact
+        off.append(error / drawn)
     assert np.abs(off).max() < 3.0
     assert np.sqrt(np.mean(np.square(off))) > 0.2
 
@@ -73,4 +78,52 @@ def test_a_calibrated_rig_is_no_drawing() -> None:
     rig = RIGS["folded"]
     known = tolerance(rig)
     calibrated = replace(rig, covariance=replace(known, matrix=0.01 * known.matrix))
-    assert audited(rig, calibrated, 5)[0].drawn_sigma is None
+    assert audited(rig, calibrated, 5)[1] is None
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_what_a_file_leaves_open_is_not_denied(name: str) -> None:
+    """The sigma of the scale covers it instead."""
+    rig = RIGS[name]
+    drawn = replace(focal(rig, 0.99), covariance=tolerance(rig))
+    found, _, sigma, error = audited(rig, drawn, 6)
+    assert not found.denies
+    assert abs(error) < 3.0 * sigma
+
+
+@pytest.mark.parametrize(("factor", "denied"), [(1.0, False), (0.99, True)])
+def test_the_rig_is_asked_whenever_the_scale_is_judged(factor: float, denied: bool) -> None:
+    rig, path = RIGS["folded"], winding_path(12, 1.5)
+    optics = Optics(focal(rig, factor), 8.0)
+    world = mapped(rig, optics, path, np.random.default_rng(7), 0.2)
+    adjuster, check, nothing = Adjuster(world, optics, CONFIG), RigCheck(optics, CONFIG, Mock()), Mock()
+    nothing.handovers.evidence().tested = lambda sigma, _: sigma
+    grower = Grower(world, nothing, nothing, adjuster, nothing, check, optics, CONFIG)
+    adjuster.adjust_all(last=True)
+    grower.judge()
+    assert grower.metric
+    assert check.fits != denied
+    assert bool(check.complaint) == denied
+    assert check.moves_as_one  # the run goes on, without a metre
+    nothing.handovers.evidence().tested = lambda *_: np.inf
+    grower.judge()
+    assert check.fits  # a map without a scale says nothing of the rig
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_derivatives_by_the_rig_are_the_slope_of_the_residuals(name: str) -> None:
+    """Whole rigs are moved for it, with their mirrors, virtual cameras and ideal pinholes."""
+    rig, path, rng = RIGS[name], winding_path(4, 0.5), np.random.default_rng(9)
+    optics, known = Optics(rig, 8.0), tolerance(rig)
+    whole = Adjuster(mapped(rig, optics, path, rng, 0.2), optics, CONFIG).whole()
+    assert whole is not None
+    xyz, pixels = whole.points[whole.point], optics.pixels(whole.plane, whole.view)
+    found = rig_derivatives(whole, linearise_all(whole, xyz, optics)[1], optics, known)
+    for index, sigma in enumerate(np.sqrt(np.diag(known.matrix))):
+        residuals = []
+        for step in (0.05 * sigma, -0.05 * sigma):
+            other = optics.adapted(moved(rig, known, step * np.eye(len(known.parameters))[index]))
+            seen = replace(whole, plane=other.plane(pixels, whole.view))
+            residuals.append(linearise_all(seen, xyz, other)[0])
+        slope = (residuals[0] - residuals[1]) / 0.1
+        np.testing.assert_allclose(found[:, :, index], slope, atol=0.01 * np.abs(slope).max())

@@ -114,7 +114,7 @@ def track_film(
 
 def require_fit(slam: Slam) -> None:
     """Raise RigError where the rig is not that of the film, unless it is to be refined."""
-    if slam.rig_check.complaint and not slam.config.refine_rig:
+    if not (slam.rig_check.moves_as_one or slam.config.refine_rig):
         raise RigError(slam.rig_check.complaint)
 
 

@@ -95,7 +95,7 @@ def summarise(
     """The run in numbers."""
     warnings = [*inputs.source.warnings, *doubts(slam, inputs)]
     warnings += drop_warning(record, slam.dropped, inputs.source.live)
-    audit, errors = slam.rig_check.audit, None
+    errors = None
     if inputs.truth is not None:
         try:
             errors = evaluation.evaluate(path, inputs.truth, ALIGNED_WITHIN)
@@ -110,7 +110,7 @@ def summarise(
         statuses=dict(Counter(note.status.value for note in record.notes)),
         metric=slam.metric,
         scale_sigma=slam.scale_sigma if np.isfinite(slam.scale_sigma) else None,
-        drawn_scale_sigma=None if audit is None else audit.drawn_sigma,
+        drawn_scale_sigma=slam.drawn_scale_sigma,
         keyframes=len(slam.keyframe_poses),
         map_points=len(slam.cloud()[0]),
         loops=slam.loops,

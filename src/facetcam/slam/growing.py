@@ -12,7 +12,10 @@ from facetcam.slam.frame import Corners, Frame
 from facetcam.slam.loops import LoopCloser
 from facetcam.slam.map import Map
 from facetcam.slam.mapping import Mapper
+from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
+from facetcam.slam.rig_audit import audit_rig
+from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.trajectory import Trajectory
 from facetcam.slam.uncertainty import drift_of
 
@@ -28,7 +31,7 @@ class Grower:
 
     Parameters
     ----------
-    map, places, mapper, adjuster, closer, config
+    map, places, mapper, adjuster, closer, rig_check, optics, config
         The parts of the system.
 
     Attributes
@@ -48,6 +51,8 @@ class Grower:
         mapper: Mapper,
         adjuster: Adjuster,
         closer: LoopCloser,
+        rig_check: RigCheck,
+        optics: Optics,
         config: SlamConfig,
     ) -> None:
         self._map = map
@@ -55,6 +60,8 @@ class Grower:
         self._mapper = mapper
         self._adjuster = adjuster
         self._closer = closer
+        self._rig_check = rig_check
+        self._optics = optics
         self._config = config
         self.scale_sigma = self.tested = np.inf
         self.loops = 0
@@ -111,9 +118,11 @@ class Grower:
         self._settle()
 
     def judge(self) -> None:
-        """Tell how well the map, as it is now, knows its scale."""
+        """Tell how well the map, as it is now, knows its scale, and whether it bears out the rig then."""
         evidence = self._mapper.handovers.evidence()
         self.scale_sigma = evidence.tested(self._adjuster.judge(), self.tested)
+        asked = self._optics, self._adjuster, self._config.pixel_sigma
+        self._rig_check.audit = audit_rig(*asked) if self.metric else None
 
     def go_on(self, scale_sigma: float, tested: float) -> None:
         """Grow from a map of that scale; `tested` is its sigma as earlier runs have told it."""

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from facetcam.geometry import se3
-from facetcam.rig import RigCovariance
+from facetcam.rig import Rig, RigCovariance
+from facetcam.rig.covariance import MOTIONS
 from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
@@ -60,7 +61,7 @@ def information(
     residual, J, by_point = linearise_all(bundle, bundle.points[bundle.point], optics)
     weight = _weights(residual, pixel_sigma)
     root = np.sqrt(weight)[:, None, None] / max(_noise(residual, weight, M / P), 1e-3)
-    by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, optics, known)
+    by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, J, optics, known)
     R, own = by_rig.shape[2], bundle.nuisances
     if own is not None:
         by_rig = np.concatenate([by_rig, own.by], axis=2)
@@ -155,29 +156,43 @@ def _frames(bundle: Bundle) -> list[tuple[Array, slice]]:
     return [(T, slice(*rows)) for T, rows in zip(bundle.T_world_rig, itertools.pairwise(begin))]
 
 
-def rig_derivatives(bundle: Bundle, optics: Optics, known: RigCovariance) -> Array:
-    """Change (M, 2, R) of each residual by one standard deviation of each of the rig's numbers."""
+def rig_derivatives(bundle: Bundle, by_pose: Array, optics: Optics, known: RigCovariance) -> Array:
+    """Change (M, 2, R) of each residual by one standard deviation of each of the rig's numbers.
+
+    A mirror that moves carries the virtual cameras behind it along: a residual changes by the motion of its
+    own one as by one of the rig, for which `by_pose` (M, 2, 6) stands.
+    """
     sigma = np.sqrt(np.diag(known.matrix))
     pixels = optics.pixels(bundle.plane, bundle.view)
+    R, t = bundle.T_world_rig[bundle.frame, :3, :3], bundle.T_world_rig[bundle.frame, :3, 3]
+    points_rig = np.einsum("nji,nj->ni", R, bundle.points[bundle.point] - t)
     out = np.zeros((len(pixels), 2, len(sigma)))
     for index, name in enumerate(known.parameters):
-        mirror, _, motion = name.partition(": ")
-        views = [bool(not motion or mirror in view.mirrors) for view in optics.rig.views.values()]
-        rows = np.flatnonzero(np.array(views)[bundle.view])
+        mirror, _, word = name.partition(": ")
         step = np.zeros(len(sigma))
         step[index] = _STEP * sigma[index]
-        ahead, back = (
-            _residuals(bundle, rows, pixels[rows], optics.adapted(moved(optics.rig, known, s)))
-            for s in (step, -step)
-        )
-        out[rows, :, index] = (ahead - back) / (2.0 * _STEP)
-    return out
+        both = [moved(optics.rig, known, s) for s in (step, -step)]
+        if word in MOTIONS:
+            twists = _view_twists(*both)
+            for view in np.flatnonzero(twists.any(axis=1)):
+                rows = np.flatnonzero(bundle.view == view)
+                out[rows, :, index] = by_pose[rows] @ twists[view]
+        else:
+            concerned = [bool(not word or mirror in view.mirrors) for view in optics.rig.views.values()]
+            rows = np.flatnonzero(np.array(concerned)[bundle.view])
+            seen = points_rig[rows], pixels[rows], bundle.view[rows]
+            ahead, back = (_residuals(*seen, optics.adapted(rig)) for rig in both)
+            out[rows, :, index] = ahead - back
+    return out / (2.0 * _STEP)
 
 
-def _residuals(bundle: Bundle, rows: NDArray[np.int64], pixels: Array, optics: Optics) -> Array:
-    frame, view = bundle.frame[rows], bundle.view[rows]
-    R, t = bundle.T_world_rig[frame, :3, :3], bundle.T_world_rig[frame, :3, 3]
-    points_rig = np.einsum("nji,nj->ni", R, bundle.points[bundle.point[rows]] - t)
+def _view_twists(ahead: Rig, back: Rig) -> Array:
+    """Motion (V, 6) of the virtual cameras from one rig to another, as twists of the rig's own frame."""
+    steps = [ahead.T_rig_image(name) @ se3.inverse(back.T_rig_image(name)) for name in ahead.view_names]
+    return np.stack([se3.log(T) for T in steps])
+
+
+def _residuals(points_rig: Array, pixels: Array, view: NDArray[np.int64], optics: Optics) -> Array:
     return np.asarray(optics.to_plane(points_rig, view)[0] - optics.plane(pixels, view))
 
 

@@ -20,7 +20,7 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.places import Places
 from facetcam.slam.relocalisation import Relocaliser
 from facetcam.slam.resuming import Resumer
-from facetcam.slam.rig_audit import audit_rig
+from facetcam.slam.rig_audit import drawn_scale_sigma
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.starting import Starter
 from facetcam.slam.tracking import Tracker
@@ -58,10 +58,9 @@ class Parts:
         sigma = scale_sigma if self.rig_check.fits else np.inf
         return self.grower.proven(sigma), sigma
 
-    def audit_rig(self, pixel_sigma: float) -> None:
-        """Ask a map that is sure of its scale whether it bears out the rig."""
-        if self.grower.metric:
-            self.rig_check.audit = audit_rig(self.optics, self.adjuster, pixel_sigma)
+    def drawn_scale_sigma(self, pixel_sigma: float) -> float | None:
+        """The sigma if the rig is but drawn (`rig_audit.drawn_scale_sigma`), where the scale is known."""
+        return drawn_scale_sigma(self.optics, self.adjuster, pixel_sigma) if self.grower.metric else None
 
     @classmethod
     def assemble(cls, rig: Rig, config: SlamConfig, front_end: FrontEnd = SiicfFeatures) -> Self:
@@ -71,7 +70,8 @@ class Parts:
         core = _Core(optics, config, corners, map, places)
         aside = _Core(optics, config, corners, Map(), Places())
         loops = core.closer()
-        grower = Grower(map, places, core.mapper, core.adjuster, loops, config)
+        rig_check = RigCheck(optics, config, corners)
+        grower = Grower(map, places, core.mapper, core.adjuster, loops, rig_check, optics, config)
         return cls(
             optics=optics,
             map=map,
@@ -93,7 +93,7 @@ class Parts:
                 optics.n_views,
                 lambda map, places: _Core(optics, config, corners, map, places).closer(),
             ),
-            rig_check=RigCheck(optics, config, corners),
+            rig_check=rig_check,
         )
 
 

@@ -1,4 +1,4 @@
-"""What a finished map says of the rig that it was made with, and what its metre is worth after a drawing."""
+"""What a map says of the rig that it was made with, and what its metre is worth after a drawing."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from facetcam.rig.freedom import tolerance
 from facetcam.slam.adjustment import Adjuster
@@ -13,10 +14,12 @@ from facetcam.slam.optics import Optics
 from facetcam.slam.rig_refinement import rig_equations
 from facetcam.slam.scale import map_uncertainty
 
-# True rigs gain as much as numbers that are free to move do by chance, about the root of their count (16-22),
-# and up to half as much again, as errors are shared; a lens wrong by 1 % makes the house's loop gain 14.
-_BY_CHANCE = 7.0
-_NOTABLE = 0.5  # of what a careful build leaves open
+Array = NDArray[np.float64]
+
+# Numbers that are free to move gain by chance about the root of their count (16-22), and up to half as much
+# again, as errors are shared. True rigs gain 4 at most; a lens wrong by 1 % makes the house's loop gain 13
+# and more.
+_BY_CHANCE = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,15 +32,12 @@ class RigAudit:
         By how much they would move each number of the rig, in standard deviations of a careful build
         (`facetcam.rig.freedom.tolerance`).
     gain : float
-        Root of the chi square by which the moved rig explains them better.
-    drawn_sigma : float or None
-        Relative standard deviation of the scale if the rig was built with care after its drawing, where its
-        file counts as exact; None for a rig with a covariance of its own.
+        Root of the chi square by which the moved rig explains them better than one within the covariance of
+        the rig's file does, which is exact where it has none.
     """
 
     moved: dict[str, float]
     gain: float
-    drawn_sigma: float | None
 
     @property
     def worst(self) -> str:
@@ -47,7 +47,7 @@ class RigAudit:
     @property
     def denies(self) -> bool:
         """True where the images are sure of another rig."""
-        return self.gain > _BY_CHANCE and abs(self.moved[self.worst]) > _NOTABLE
+        return self.gain > _BY_CHANCE
 
     @property
     def complaint(self) -> str:
@@ -66,13 +66,28 @@ def audit_rig(optics: Optics, adjuster: Adjuster, pixel_sigma: float) -> RigAudi
     whole = adjuster.whole()
     if whole is None:
         return None
-    built = tolerance(optics.rig)
-    drawn_sigma = None
-    if optics.rig.covariance is None:
-        drawn = optics.adapted(replace(optics.rig, covariance=built))
-        drawn_sigma = map_uncertainty(whole, drawn, pixel_sigma).scale_sigma
-    H, gradient, prior = rig_equations(whole, optics, pixel_sigma, built)
-    step = -np.linalg.solve(H + prior, gradient)
+    built, own = tolerance(optics.rig), optics.rig.covariance
+    step, gain = _asked_for(rig_equations(whole, optics, pixel_sigma, built))
+    if own is not None:
+        gain -= _asked_for(rig_equations(whole, optics, pixel_sigma, own))[1]
     moved = {name: float(s) for name, s in zip(built.parameters, step)}
-    gain = math.sqrt(max(-float(gradient @ step), 0.0))
-    return RigAudit(moved, gain, drawn_sigma)
+    return RigAudit(moved, math.sqrt(max(gain, 0.0)))
+
+
+def _asked_for(equations: tuple[Array, Array, Array]) -> tuple[Array, float]:
+    """Step of the rig's numbers, and the chi square that it gains."""
+    H, gradient, prior = equations
+    step = np.asarray(-np.linalg.solve(H + prior, gradient))
+    return step, -float(gradient @ step)
+
+
+def drawn_scale_sigma(optics: Optics, adjuster: Adjuster, pixel_sigma: float) -> float | None:
+    """Relative standard deviation of the scale if the rig was built with care after its drawing.
+
+    A file without a covariance counts as exact otherwise; None for a rig with one of its own.
+    """
+    whole = adjuster.whole()
+    if whole is None or optics.rig.covariance is not None:
+        return None
+    drawn = replace(optics.rig, covariance=tolerance(optics.rig))
+    return map_uncertainty(whole, optics.adapted(drawn), pixel_sigma).scale_sigma

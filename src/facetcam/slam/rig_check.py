@@ -61,7 +61,7 @@ class RigCheck:
     moves_by_itself : bool
         True where something before that view explains it, and the rig need not be wrong.
     audit : RigAudit or None
-        What the finished map says of the rig, where it is sure of its scale.
+        What the map says of the rig, as long as it is sure of its scale.
     """
 
     def __init__(self, optics: Optics, config: SlamConfig, corners: CornerFinder) -> None:
@@ -83,10 +83,11 @@ class RigCheck:
         """False once the images have shown that the rig is not that of the film."""
         if self.refinement is not None:
             return not self.refinement.complaint
-        return self._moves_as_one and not (self.audit and self.audit.denies)
+        return self.moves_as_one and not (self.audit and self.audit.denies)
 
     @property
-    def _moves_as_one(self) -> bool:
+    def moves_as_one(self) -> bool:
+        """False once no motion of the rig explains all views."""
         return self.misfit is None or self.misfit < _MISFIT or self.moves_by_itself
 
     @property
@@ -102,7 +103,7 @@ class RigCheck:
         """What is wrong, for people; empty while nothing is."""
         if self.refinement is not None and self.refinement.complaint:
             return self.refinement.complaint
-        if self._moves_as_one:
+        if self.moves_as_one:
             return self.audit.complaint if self.audit else ""
         alone, together = self.errors
         without = f", though well without {self.odd_view}" if self.odd_view else ""

@@ -102,7 +102,7 @@ def rig_equations(
         Information of what is known of them.
     """
     if whole.nuisances is not None and "cx" in known.parameters:
-        whole.nuisances = whole.nuisances.of_readout()
+        whole = replace(whole, nuisances=whole.nuisances.of_readout())
     found = information(whole, optics, pixel_sigma, known)
     values, vectors = np.linalg.eigh(found.poses[6:, 6:])  # the first frame is held
     seen = values > _NULL * values[-1]

@@ -45,6 +45,9 @@ class Slam:
         Whether the rig's file and the film belong together.
     rig_refinement : RigRefinement or None
         How `finish` moved the rig's numbers, with `SlamConfig.refine_rig`; `rig` is the refined one then.
+    drawn_scale_sigma : float or None
+        After `finish`, the sigma of a metric map's scale if the rig was built with care after its drawing;
+        None for a rig with a covariance of its own.
     odometry_check : OdometryCheck
         Whether odometry and the film belong together, and on one clock; it is used no more where not.
     dropped : int
@@ -74,6 +77,7 @@ class Slam:
         self._loop = MainLoop(parts, self._motion, self.config, self._mapping, self._stopwatch)
         self.rig_check = parts.rig_check
         self.rig_refinement: RigRefinement | None = None
+        self.drawn_scale_sigma: float | None = None
         self.odometry_check = self._wheels.check
         self.dropped = 0
         self.timing = self._stopwatch.seconds
@@ -158,7 +162,7 @@ class Slam:
             self._loop.settle()
             self._grower.adjust_all(last=True)
             if not self.config.refine_rig:
-                self._parts.audit_rig(self.config.pixel_sigma)
+                self.drawn_scale_sigma = self._parts.drawn_scale_sigma(self.config.pixel_sigma)
             self._wheels.conclude()
             if self.config.refine_rig:
                 self._refine_rig()
