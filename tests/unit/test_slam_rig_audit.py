@@ -99,14 +99,13 @@ def test_the_rig_is_asked_whenever_the_scale_is_judged(factor: float, denied: bo
     adjuster, check, nothing = Adjuster(world, optics, CONFIG), RigCheck(optics, CONFIG, Mock()), Mock()
     nothing.handovers.evidence().tested = lambda sigma, _: sigma
     grower = Grower(world, nothing, nothing, adjuster, nothing, check, optics, CONFIG)
-    adjuster.adjust_all(last=True)
-    grower.judge()
+    grower.adjust_all(last=True)
     assert grower.metric
     assert check.fits != denied
     assert bool(check.complaint) == denied
     assert check.moves_as_one  # the run goes on, without a metre
     nothing.handovers.evidence().tested = lambda *_: np.inf
-    grower.judge()
+    grower.adjust_all()
     assert check.fits  # a map without a scale says nothing of the rig
 
 

@@ -58,7 +58,8 @@ def moved(rig: Rig, known: RigCovariance, step: Array) -> Rig:
     mirrors = dict(rig.mirrors)
     for name, own in known.axes.items():
         by = [steps.get(f"{name}: {word}", 0.0) for word in MOTIONS]
-        mirrors[name], axes[name] = _moved_mirror(name, rig.mirrors[name], own, by)
+        if any(by):
+            mirrors[name], axes[name] = _moved_mirror(name, rig.mirrors[name], own, by)
     for name, mirror in mirrors.items():
         if mirror.glass is not None:
             mirrors[name] = replace(mirror, glass=_moved_glass(mirror.glass, name, steps))

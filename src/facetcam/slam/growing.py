@@ -115,12 +115,16 @@ class Grower:
             self.judge()
             if np.array_equal(self._adjuster.nuisances, settled):
                 break
+        self._ask_for_the_rig()
         self._settle()
 
     def judge(self) -> None:
-        """Tell how well the map, as it is now, knows its scale, and whether it bears out the rig then."""
+        """Tell how well the map, as it is now, knows its scale."""
         evidence = self._mapper.handovers.evidence()
         self.scale_sigma = evidence.tested(self._adjuster.judge(), self.tested)
+
+    def _ask_for_the_rig(self) -> None:
+        """A map that is sure of its scale must bear out the rig that this comes from."""
         asked = self._optics, self._adjuster, self._config.pixel_sigma
         self._rig_check.audit = audit_rig(*asked) if self.metric else None
 
