@@ -28,9 +28,9 @@ class FakeSlam:
     metric = False
     dropped = 0
     scale_sigma = np.inf
-    rig_refinement = None
+    rig_refinement = drawn_scale_sigma = None
     nuisances = np.zeros(3)
-    rig_check = SimpleNamespace(complaint="", remark="", audit=None)
+    rig_check = SimpleNamespace(complaint="", remark="", moves_as_one=True)
     grown = False
     loops = 0
     map_number = 0
