@@ -16,8 +16,9 @@ from facetcam.slam.scale import map_uncertainty
 
 Array = NDArray[np.float64]
 
-# By chance free numbers gain about the root of their count (16-22), and more where errors are shared: true rigs
-# gain up to 4 in films of the house, 8 in rooms of coarse patterns. A lens wrong by 1 % gains 13 to 28 in the house.
+# By chance free numbers gain about the root of their count (16-22), and more where errors are shared: true
+# rigs gain up to 4 in films of the house, 8 in rooms of coarse patterns; in the house a lens wrong by 1 %
+# gains 13 to 28.
 _BY_CHANCE = 9.0
 
 
