@@ -15,6 +15,7 @@ from facetcam.slam.adjustment import Adjuster
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map import Map
 from facetcam.slam.optics import Optics
+from facetcam.slam.rig_audit import RigAudit
 from facetcam.slam.rig_check import RigCheck
 from facetcam.slam.rig_refinement import refine_rig
 
@@ -91,5 +92,6 @@ def test_a_rig_that_is_nothing_like_its_file_proves_no_metre() -> None:
     check.refinement = found
     assert not check.fits
     assert check.complaint == found.complaint
+    check.audit = RigAudit({"fx": 10.0}, gain=50.0)  # of the rig before
     check.refinement = replace(found, shift=0.1 * found.shift)
     assert check.fits and not check.complaint

@@ -104,7 +104,7 @@ class RigCheck:
         if self.refinement is not None and self.refinement.complaint:
             return self.refinement.complaint
         if self.moves_as_one:
-            return self.audit.complaint if self.audit else ""
+            return self.audit.complaint if self.audit and self.refinement is None else ""
         alone, together = self.errors
         without = f", though well without {self.odd_view}" if self.odd_view else ""
         return (
