@@ -11,6 +11,7 @@ from scipy import sparse
 
 from facetcam.geometry import se3
 from facetcam.rig import Rig, RigCovariance
+from facetcam.rig.covariance import MOTIONS
 from facetcam.rig.freedom import moved
 from facetcam.slam.bundle import Bundle
 from facetcam.slam.optics import Optics
@@ -158,21 +159,31 @@ def _frames(bundle: Bundle) -> list[tuple[Array, slice]]:
 def rig_derivatives(bundle: Bundle, by_pose: Array, optics: Optics, known: RigCovariance) -> Array:
     """Change (M, 2, R) of each residual by one standard deviation of each of the rig's numbers.
 
-    What moves a mirror carries the virtual cameras behind it along: a residual changes by the motion of its
-    own one as by one of the rig, for which `by_pose` (M, 2, 6) stands. What changes the lens shifts what was
-    seen.
+    A mirror that moves carries the virtual cameras behind it along: a residual changes by the motion of its
+    own one as by one of the rig, for which `by_pose` (M, 2, 6) stands. For what else changes, the ideal
+    pinholes follow: on others the residuals, being measured in other units, would seem to want another lens.
     """
     sigma = np.sqrt(np.diag(known.matrix))
-    pixels, view = optics.pixels(bundle.plane, bundle.view), bundle.view
-    out, twists = np.zeros((len(pixels), 2, len(sigma))), np.zeros((optics.n_views, 6, len(sigma)))
-    for index, step in enumerate(_STEP * np.diag(sigma)):
-        ahead, back = (moved(optics.rig, known, s) for s in (step, -step))
-        twists[:, :, index] = _view_twists(ahead, back)
-        if ahead.camera != back.camera:
-            before, after = (optics.behind(rig.camera).plane(pixels, view) for rig in (back, ahead))
-            out[:, :, index] = before - after
-    for v in range(optics.n_views):
-        out[view == v] += by_pose[view == v] @ twists[v]
+    pixels = optics.pixels(bundle.plane, bundle.view)
+    R, t = bundle.T_world_rig[bundle.frame, :3, :3], bundle.T_world_rig[bundle.frame, :3, 3]
+    points_rig = np.einsum("nji,nj->ni", R, bundle.points[bundle.point] - t)
+    out = np.zeros((len(pixels), 2, len(sigma)))
+    for index, name in enumerate(known.parameters):
+        mirror, _, word = name.partition(": ")
+        step = np.zeros(len(sigma))
+        step[index] = _STEP * sigma[index]
+        both = [moved(optics.rig, known, s) for s in (step, -step)]
+        if word in MOTIONS:
+            twists = _view_twists(*both)
+            for view in np.flatnonzero(twists.any(axis=1)):
+                rows = np.flatnonzero(bundle.view == view)
+                out[rows, :, index] = by_pose[rows] @ twists[view]
+        else:
+            concerned = [bool(not word or mirror in view.mirrors) for view in optics.rig.views.values()]
+            rows = np.flatnonzero(np.array(concerned)[bundle.view])
+            seen = points_rig[rows], pixels[rows], bundle.view[rows]
+            ahead, back = (_residuals(*seen, optics.adapted(rig)) for rig in both)
+            out[rows, :, index] = ahead - back
     return out / (2.0 * _STEP)
 
 
@@ -180,6 +191,10 @@ def _view_twists(ahead: Rig, back: Rig) -> Array:
     """Motion (V, 6) of the virtual cameras from one rig to another, as twists of the rig's own frame."""
     steps = [ahead.T_rig_image(name) @ se3.inverse(back.T_rig_image(name)) for name in ahead.view_names]
     return np.stack([se3.log(T) for T in steps])
+
+
+def _residuals(points_rig: Array, pixels: Array, view: NDArray[np.int64], optics: Optics) -> Array:
+    return np.asarray(optics.to_plane(points_rig, view)[0] - optics.plane(pixels, view))
 
 
 def _blocks(values: Array, column: NDArray[np.int64], n_columns: int) -> sparse.csr_matrix:

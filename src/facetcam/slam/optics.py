@@ -74,12 +74,6 @@ class Optics:
         other.take_up(rig)
         return other
 
-    def behind(self, camera: Camera) -> Optics:
-        """The same ideal pinholes behind a camera that is hardly another one."""
-        other = copy.copy(self)
-        other.rig = replace(self.rig, camera=camera)
-        return other
-
     @property
     def camera(self) -> Camera:
         """The real camera."""
