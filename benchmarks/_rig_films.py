@@ -158,10 +158,12 @@ def render(film: Film, scene: Path, cache: Path, threads: int | None = None) -> 
     write_tum(path, *path_of(film))
     settings.write_text(film.settings)
     options = Options(scene, rig, path, settings=settings, seed=film.seed)
+    begun = folder.exists()
     try:
-        done = run_simulate(options, folder, resume=folder.exists(), threads=threads)
+        done = run_simulate(options, folder, resume=begun, threads=threads)
     except SourceError as error:
-        raise SystemExit(f"{error}; {folder} was made by an older version, delete it") from error
+        older = f"; {folder} may be of an older version: delete it" if begun else ""
+        raise SystemExit(f"{error}{older}") from error
     for warning in done.warnings:
         print(f"{film.name}: {warning}")
     return folder
