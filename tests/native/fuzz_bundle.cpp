@@ -37,6 +37,10 @@ Bundle any_bundle() {
     for (int i = up_to(0, 3); i > 0; --i)
         b.motions.push_back({up_to(0, frames - 1), up_to(0, frames - 1), any_pose(3), 10.0 * identity<6>(),
                              up_to(0, 1) ? 1.0 : std::numeric_limits<double>::infinity()});
+    b.shared.free = up_to(0, 1) == 1;
+    for (double& x : b.shared.weight.v) x = between(0, 10);
+    for (Observation& seen : b.observations)
+        for (double& x : seen.by_shared.v) x = b.shared.free ? between(-2, 2) : 0.0;
     if (up_to(0, 9) == 0) b.points[0][0] = std::nan("");
     return b;
 }
@@ -45,7 +49,7 @@ bool same(const Bundle& a, const Bundle& b) {
     for (std::size_t k = 0; k < a.T_world_rig.size(); ++k)
         if (a.T_world_rig[k].R.v != b.T_world_rig[k].R.v || a.T_world_rig[k].t.v != b.T_world_rig[k].t.v)
             return false;
-    return true;
+    return a.shared.value.v == b.shared.value.v;
 }
 
 }  // namespace

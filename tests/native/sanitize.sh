@@ -28,8 +28,8 @@ ${CXX:-c++} $flags $objects -o fuzz_features
 ./fuzz_features
 
 objects=""
-for source in cpp/parallel cpp/skyline cpp/bundle cpp/bundle_errors cpp/bundle_system cpp/pose tests/native/fuzz_bundle; do
-    compile $source
+for source in cpp/parallel cpp/skyline cpp/pose $(cd "$root" && ls cpp/bundle*.cpp) tests/native/fuzz_bundle; do
+    compile "${source%.cpp}"
 done
 ${CXX:-c++} $flags $objects -o fuzz_bundle
 ./fuzz_bundle
