@@ -10,6 +10,7 @@ import pytest
 
 from facetcam.pipelines.slam import run_slam
 from facetcam.rig import Rig
+from facetcam.slam import SlamConfig
 
 
 @pytest.mark.slow
@@ -23,7 +24,10 @@ def test_a_wrong_lens_is_not_metric(shared_data: Path, tmp_path: Path, per_cent:
     files = {"odometry": house / "loop_odometry.csv" if wheels else None, "truth": house / "loop.tum"}
     summary = run_slam(house / "loop.mp4", tmp_path / "rig.yaml", tmp_path / "run", **files)
     with (tmp_path / "run" / "states.csv").open() as file:
-        metric = [row["metric"] == "1" for row in csv.DictReader(file)]
+        rows = list(csv.DictReader(file))
+    metric = [row["metric"] == "1" for row in rows]
+    sure = [float(row["scale_sigma"] or "inf") < SlamConfig().metric_sigma for row in rows]
+    assert metric == sure
     assert summary.errors is not None
     assert any(metric) == summary.metric == (per_cent == 0.0) == (summary.scale_sigma is not None)
     if summary.metric:

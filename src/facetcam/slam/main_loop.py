@@ -248,7 +248,7 @@ class MainLoop:
             views={name: ViewHealth(*counts) for name, *counts in zip(names, expected, inliers)},
             keyframe=keyframe,
             metric=self._parts.metric,
-            scale_sigma=self._parts.grower.scale_sigma,
+            scale_sigma=self._parts.scale_sigma,
             map_points=self._n_points,
             map=self._map.number,
             pixels=fix.seen.pixels.astype(np.float32),
@@ -258,5 +258,5 @@ class MainLoop:
     def _covariance(self, T_world_rig: Array, fix: Fix) -> Array:
         near = [self._motion.trajectory.last_keyframe, *self._map.keyframes[::-1]]
         wheels = self._motion.odometry is not None
-        sigma = self._parts.grower.scale_sigma
+        sigma = self._parts.scale_sigma
         return pose_covariance(T_world_rig, fix.pose.covariance, near, sigma, wheels)
