@@ -30,7 +30,7 @@ class FakeSlam:
     scale_sigma = np.inf
     rig_refinement = drawn_scale_sigma = None
     nuisances = np.zeros(3)
-    rig_check = SimpleNamespace(complaint="", remark="", moves_as_one=True)
+    rig_check = SimpleNamespace(complaint="", remark="", moves_as_one=True, fits=True)
     grown = False
     loops = 0
     map_number = 0

@@ -175,6 +175,7 @@ def test_verdict_says_scale_and_error(report: SlamReport) -> None:
         "39 of 40 frames were tracked (97.5 %); lengths are NOT METRIC: nothing in the film fixed the scale."
     )
     assert "NOT METRIC, known only to 12 %" in verdict(replace(report, metric=False, scale_sigma=0.12))
+    assert "NOT METRIC: the rig does not fit the film" in verdict(replace(free, rig_denied=True))
 
 
 def test_a_share_just_under_all_is_not_called_all(report: SlamReport) -> None:

@@ -96,7 +96,7 @@ def test_what_a_file_leaves_open_is_not_denied(name: str) -> None:
 
 
 @pytest.mark.parametrize(("factor", "denied"), [(1.0, False), (0.99, True)])
-def test_the_rig_is_asked_whenever_the_scale_is_judged(factor: float, denied: bool) -> None:
+def test_the_rig_is_asked_whenever_the_whole_map_is_adjusted(factor: float, denied: bool) -> None:
     rig, path = RIGS["folded"], winding_path(12, 1.5)
     optics = Optics(focal(rig, factor), 8.0)
     world = mapped(rig, optics, path, np.random.default_rng(7), 0.2)

@@ -195,6 +195,7 @@ def make_report(
         timing=slam.timing,
         pictures=record.pictures.items(),
         truth=truth,
+        rig_denied=not slam.rig_check.fits,
         interrupted=summary.interrupted,
         facts=facts(summary),
     )

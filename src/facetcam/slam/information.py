@@ -168,22 +168,14 @@ def rig_derivatives(bundle: Bundle, by_pose: Array, optics: Optics, known: RigCo
     R, t = bundle.T_world_rig[bundle.frame, :3, :3], bundle.T_world_rig[bundle.frame, :3, 3]
     points_rig = np.einsum("nji,nj->ni", R, bundle.points[bundle.point] - t)
     out = np.zeros((len(pixels), 2, len(sigma)))
-    for index, name in enumerate(known.parameters):
-        mirror, _, word = name.partition(": ")
-        step = np.zeros(len(sigma))
-        step[index] = _STEP * sigma[index]
+    for index, (name, step) in enumerate(zip(known.parameters, _STEP * np.diag(sigma))):
         both = [moved(optics.rig, known, s) for s in (step, -step)]
-        if word in MOTIONS:
-            twists = _view_twists(*both)
-            for view in np.flatnonzero(twists.any(axis=1)):
-                rows = np.flatnonzero(bundle.view == view)
-                out[rows, :, index] = by_pose[rows] @ twists[view]
+        if name.partition(": ")[2] in MOTIONS:
+            out[:, :, index] = np.einsum("mij,mj->mi", by_pose, _view_twists(*both)[bundle.view])
         else:
-            concerned = [bool(not word or mirror in view.mirrors) for view in optics.rig.views.values()]
-            rows = np.flatnonzero(np.array(concerned)[bundle.view])
-            seen = points_rig[rows], pixels[rows], bundle.view[rows]
+            seen = points_rig, pixels, bundle.view
             ahead, back = (_residuals(*seen, optics.adapted(rig)) for rig in both)
-            out[rows, :, index] = ahead - back
+            out[:, :, index] = ahead - back
     return out / (2.0 * _STEP)
 
 

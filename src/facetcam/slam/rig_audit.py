@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 # By chance free numbers gain about the root of their count (16-22), and more where errors are shared: true
 # rigs gain up to 4 in films of the house, 8 in rooms of coarse patterns; in the house a lens wrong by 1 %
 # gains 13 to 28.
-_BY_CHANCE = 9.0
+_HARDLY_BY_CHANCE, _NOTABLE = 7.0, 0.5  # and how far a number moves then, of what a careful build leaves open
+_SURE = 9.0  # however little it moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,8 @@ class RigAudit:
     @property
     def denies(self) -> bool:
         """True where the images are sure of another rig."""
-        return self.gain > _BY_CHANCE
+        notable = self.gain > _HARDLY_BY_CHANCE and abs(self.moved[self.worst]) > _NOTABLE
+        return notable or self.gain > _SURE
 
     @property
     def complaint(self) -> str:

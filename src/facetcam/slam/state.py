@@ -48,7 +48,7 @@ class State:
     metric : bool
         True where the scale of the map is proven.
     scale_sigma : float
-        Relative standard deviation of the scale, inf where unknown.
+        Relative standard deviation of the scale, inf where unknown or where the images deny the rig.
     map_points : int
     map : int
         Number of the map in whose world the pose is: another one after a loss for good, until both meet.

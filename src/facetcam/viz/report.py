@@ -70,6 +70,7 @@ class SlamReport:
     timing: Mapping[str, Sequence[float]] = field(default_factory=dict)  # seconds a call of each stage
     pictures: Sequence[Picture] = ()  # raw frames with their tracks
     truth: Truth | None = None
+    rig_denied: bool = False  # the images are sure of another rig
     interrupted: str = ""  # the reason; empty when the run went to its end
     facts: Mapping[str, str] = field(default_factory=dict)  # further rows of the summary
 

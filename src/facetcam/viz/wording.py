@@ -43,6 +43,8 @@ def tracked_words(report: SlamReport) -> str:
 def scale_words(report: SlamReport) -> str:
     if report.metric:
         return f"lengths are METRIC, known to {percent(report.scale_sigma)} (1 sigma)"
+    if report.rig_denied:
+        return "lengths are NOT METRIC: the rig does not fit the film"
     if math.isfinite(report.scale_sigma):
         return f"lengths are NOT METRIC, known only to {percent(report.scale_sigma)} (1 sigma)"
     return "lengths are NOT METRIC: nothing in the film fixed the scale"
