@@ -27,7 +27,7 @@ from slam import MAX_GAP, Run, live_error, scale
 from facetcam.evaluation.trajectory import associate
 from facetcam.geometry import se3
 from facetcam.io.trajectories import read_tum
-from facetcam.slam.map_file import read_map
+from facetcam.slam.map.file import read_map
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """Errors of scales against their sigmas over many runs: films of other rigs that begin some frames later.
 
 Beside the scale of each map what its hand-overs want of it is compared with the truth, in sigmas of their
-scatter: by so much, about, `facetcam.slam.scale_evidence` counts them as less sure.
+scatter: by so much, about, `facetcam.slam.scale.evidence` counts them as less sure.
 
 What a map of a hard film becomes hangs on chance; films that begin elsewhere draw again. Films are rendered
 once into a cache folder, as by `slam_rigs.py`.

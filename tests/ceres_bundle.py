@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.bundle import Bundle
-from facetcam.slam.optics import Optics
+from facetcam.slam.adjustment.bundle import Bundle
+from facetcam.slam.camera.optics import Optics
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _UNIT_STIFFNESS = 1e5
 def ceres_adjust(
     bundle: Bundle, optics: Optics, loss_scale: float, max_iterations: int, tolerance: float
 ) -> tuple[Array, Array]:
-    """As `facetcam.slam.bundle.adjust`; the losses of motions are left out."""
+    """As `facetcam.slam.adjustment.bundle.adjust`; the losses of motions are left out."""
     import pyceres
 
     problem = pyceres.Problem()

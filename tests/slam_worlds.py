@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.rig import Camera, Rig, presets
-from facetcam.slam.bundle import Bundle
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.measured_motion import Measured
-from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs
+from facetcam.slam.adjustment.bundle import Bundle
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.map import Keyframe, Map
+from facetcam.slam.relative_pose.measured_motion import Measured
+from facetcam.slam.relative_pose.pairs import Pairs
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from facetcam.pipelines.slam_maps import FILE
 from facetcam.simulation.drive import round_the_table
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
-from facetcam.slam.map_file import read_map
+from facetcam.slam.map.file import read_map
 
 pytestmark = pytest.mark.slow
 

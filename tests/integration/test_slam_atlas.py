@@ -15,7 +15,7 @@ from facetcam.simulation.drive import Drive, round_the_table
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
-from facetcam.slam.map_file import read_map
+from facetcam.slam.map.file import read_map
 
 Image = NDArray[np.uint8]
 

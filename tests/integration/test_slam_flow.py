@@ -12,11 +12,11 @@ from facetcam.simulation.drive import Drive, round_the_table
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
+from facetcam.slam.camera.frame import CornerFinder, Frame, SiicfFeatures, make_frame
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.flow import pose_by_flow
-from facetcam.slam.frame import CornerFinder, Frame, SiicfFeatures, make_frame
-from facetcam.slam.measure import Measurements
-from facetcam.slam.optics import Optics
+from facetcam.slam.map.measure import Measurements
+from facetcam.slam.tracking.flow import pose_by_flow
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ from facetcam.io.sources import open_source
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
 from facetcam.slam import Slam
-from facetcam.slam.frame import Corners, make_frame
-from facetcam.slam.loops import merge_points, move_map
-from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.places import Places
+from facetcam.slam.camera.frame import Corners, make_frame
+from facetcam.slam.map.map import Keyframe, Map
+from facetcam.slam.map.places import Places
+from facetcam.slam.mapping.loops import merge_points, move_map
 
 Array = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, State, Status
-from facetcam.slam.frame import make_frame
-from facetcam.slam.map_file import read_map, write_map
+from facetcam.slam.camera.frame import make_frame
+from facetcam.slam.map.file import read_map, write_map
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from facetcam.simulation.drive import Drive, round_the_table, wheel_odometry
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam, SlamConfig, Status
-from facetcam.slam.mapping import Mapper
+from facetcam.slam.mapping.mapper import Mapper
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ def test_an_error_in_mapping_reaches_the_caller(shot: Shot, monkeypatch: pytest.
         raise MemoryError("no room for a keyframe")
 
     monkeypatch.setattr(Mapper, "insert", fail)
-    monkeypatch.setattr("facetcam.slam.localising.is_due", lambda *_: True)
+    monkeypatch.setattr("facetcam.slam.tracking.localiser.is_due", lambda *_: True)
     with pytest.raises(MemoryError, match="no room"):
         for later in range(k + 1, FRAMES):
             shot.feed(slam, later)

@@ -13,7 +13,7 @@ from facetcam.simulation.drive import round_the_table, wheel_odometry
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.room import furnished_room
 from facetcam.slam import Slam
-from facetcam.slam.scale_search import better_scale, found_elsewhere, rescale
+from facetcam.slam.scale.search import better_scale, found_elsewhere, rescale
 
 ADAPTER = Path(__file__).parents[2] / "examples" / "designs" / "stereo-adapter-rig.yaml"
 

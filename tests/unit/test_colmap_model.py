@@ -11,7 +11,7 @@ from slam_worlds import fisheye, folded, look, pyramid, walls, winding_path
 from facetcam.errors import OutputError
 from facetcam.io.colmap_model import RigFrame, write_colmap_model
 from facetcam.rig import Rig
-from facetcam.slam.optics import Optics
+from facetcam.slam.camera.optics import Optics
 
 pycolmap = pytest.importorskip("pycolmap")
 

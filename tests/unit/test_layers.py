@@ -24,7 +24,26 @@ LAYERS = (
     {"cli"},
     {"__main__"},
 )
-RANK = {unit: rank for rank, units in enumerate(LAYERS) for unit in units}
+SLAM = (
+    {"config", "state", "stopwatch", "threads"},
+    {"camera", "odometry"},
+    {"map", "relative_pose"},
+    {"adjustment"},
+    {"scale", "rig_check", "tracking"},
+    {"mapping"},
+    {"parts"},
+    {"main_loop", "wheels"},
+    {"system"},
+)
+
+
+def ranks(layers: tuple[set[str], ...]) -> dict[str, int]:
+    """The layer of each unit."""
+    return {unit: rank for rank, units in enumerate(layers) for unit in units}
+
+
+RANK = ranks(LAYERS)
+SLAM_RANK = ranks(SLAM)
 
 
 def modules() -> Iterator[tuple[str, str]]:
@@ -46,20 +65,31 @@ def imported_names(module: str, source: str) -> Iterator[str]:
             yield from (".".join([*prefix, alias.name]) for alias in node.names)
 
 
-def broken_rules(module: str, source: str) -> list[str]:
-    """One line for each import that leaves the module's unit other than downward."""
-    own = module.split(".")[1]
+def broken_rules(module: str, source: str, root: str = "facetcam", rank: dict[str, int] = RANK) -> list[str]:
+    """One line for each import that leaves the module's unit of `root` other than downward."""
+    own = unit_of(module, root)
     found = []
     for name in imported_names(module, source):
-        root, _, rest = name.partition(".")
-        unit = rest.split(".")[0]
-        if root != "facetcam" or unit in (own, "__version__"):
+        if not f"{name}.".startswith(f"{root}."):
             continue
-        if unit not in RANK:
+        unit = unit_of(name, root)
+        if unit in (own, "__version__"):
+            continue
+        if unit not in rank:
             found.append(f"{module} imports {name}: name the layer's module, not the public list")
-        elif RANK[unit] >= RANK[own]:
+        elif rank[unit] >= rank[own]:
             found.append(f"{module} imports {name}: {unit} is not below {own}")
     return found
+
+
+def unit_of(name: str, root: str) -> str:
+    """The part of `root` that a dotted name lies in."""
+    return name.removeprefix(f"{root}.").split(".")[0]
+
+
+def of_slam() -> list[tuple[str, str]]:
+    """The modules of `facetcam.slam` but its public list."""
+    return [m for m in modules() if m[0].startswith("facetcam.slam.") and m[0] != "facetcam.slam.__init__"]
 
 
 def test_every_unit_has_a_layer() -> None:
@@ -77,3 +107,20 @@ def test_the_rules_catch_an_upward_import() -> None:
     assert broken_rules("facetcam.features.siicf", "import facetcam.unwrap")
     assert broken_rules("facetcam.cli.main", "from facetcam import Slam")
     assert not broken_rules("facetcam.slam.system", "from ..rig import Rig\nfrom facetcam import __version__")
+
+
+def test_every_unit_of_slam_has_a_layer() -> None:
+    assert {unit_of(name, "facetcam.slam") for name, _ in of_slam()} == SLAM_RANK.keys()
+
+
+def test_imports_go_downward_within_slam() -> None:
+    rules = "facetcam.slam", SLAM_RANK
+    assert [line for name, source in of_slam() for line in broken_rules(name, source, *rules)] == []
+
+
+def test_the_rules_catch_an_upward_import_within_slam() -> None:
+    rules = "facetcam.slam", SLAM_RANK
+    upward = "from facetcam.slam.mapping.starter import Starter"
+    assert broken_rules("facetcam.slam.tracking.motion", upward, *rules)
+    assert broken_rules("facetcam.slam.map.map", "from facetcam.slam import Slam", *rules)
+    assert not broken_rules("facetcam.slam.mapping.mapper", "from facetcam.slam.map.map import Map", *rules)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.pose_graph import Edges, relax
+from facetcam.slam.map.pose_graph import Edges, relax
 
 Array = NDArray[np.float64]
 

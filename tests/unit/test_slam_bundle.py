@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from slam_worlds import bundle_of, folded, in_sight, single, winding_path
 
 from facetcam.geometry import se3
-from facetcam.slam.bundle import Bundle, RelativePose, adjust
-from facetcam.slam.optics import Optics
-from facetcam.slam.scale import map_uncertainty
+from facetcam.slam.adjustment.bundle import Bundle, RelativePose, adjust
+from facetcam.slam.adjustment.map_uncertainty import map_uncertainty
+from facetcam.slam.camera.optics import Optics
 
 Array = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from slam_worlds import bundle_of, folded, in_sight, winding_path
 
 from facetcam.geometry import se3
-from facetcam.slam.bundle import Bundle, RelativePose, adjust
-from facetcam.slam.nuisances import Nuisances
-from facetcam.slam.optics import Optics
+from facetcam.slam.adjustment.bundle import Bundle, RelativePose, adjust
+from facetcam.slam.camera.nuisances import Nuisances
+from facetcam.slam.camera.optics import Optics
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,15 @@ import pytest
 from slam_worlds import single
 
 from facetcam.geometry import se3
-from facetcam.slam import tracking
+from facetcam.slam.camera.frame import CornerFinder, Corners, Frame
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.pose import Pose
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import CornerFinder, Corners, Frame
-from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.measure import Measurements, Predictions
-from facetcam.slam.optics import Optics
-from facetcam.slam.pose import Pose
-from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.tracking import Tracker
+from facetcam.slam.map.map import Keyframe, Map
+from facetcam.slam.map.measure import Measurements, Predictions
+from facetcam.slam.tracking import tracker as tracker_module
+from facetcam.slam.tracking.relocaliser import Relocaliser
+from facetcam.slam.tracking.tracker import Tracker
 
 KEYFRAMES, POINTS = 30, 40  # of each keyframe, none of them shared
 HERE = se3.exp([0.0, 0.0, 0.0, 0.2 * KEYFRAMES, 0.0, 0.0])
@@ -64,7 +64,7 @@ def found_of(
         return Pose(T, np.eye(6), np.full(len(xyz), 0.1))
 
     for name, fake in (("predict", predict), ("measure", measure), ("refine_pose", refine)):
-        monkeypatch.setattr(tracking, name, fake)
+        monkeypatch.setattr(tracker_module, name, fake)
     fix = tracker(street(), seen_last).locate(cast(Frame, None), HERE)
     assert fix is not None
     return fix.predictions.point, fix.seen.point

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from facetcam.slam.camera.frame import Corners
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.following import Links, follow
-from facetcam.slam.frame import Corners
+from facetcam.slam.relative_pose.following import Links, follow
 
 Index = NDArray[np.int64]
 

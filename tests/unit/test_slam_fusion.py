@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from slam_worlds import by_wheels, folded, look, spoiled
 
 from facetcam.geometry import se3
-from facetcam.slam.fusion import fused
-from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs
-from facetcam.slam.pose import Pose
-from facetcam.slam.two_frames import confirmed_motion, polished
-from facetcam.slam.uncertainty import TOGETHER
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.pose import Pose
+from facetcam.slam.relative_pose.pairs import Pairs
+from facetcam.slam.relative_pose.two_frames import confirmed_motion, polished
+from facetcam.slam.tracking.fusion import fused
+from facetcam.slam.tracking.uncertainty import TOGETHER
 
 Array = NDArray[np.float64]
 

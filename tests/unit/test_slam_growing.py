@@ -10,17 +10,17 @@ import pytest
 from numpy.typing import NDArray
 from slam_worlds import winding_path
 
-from facetcam.slam import loops
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.pose import Pose
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.fix import Fix
-from facetcam.slam.frame import Corners
-from facetcam.slam.growing import Grower
-from facetcam.slam.loops import LoopCloser
-from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.measure import Measurements
-from facetcam.slam.pose import Pose
-from facetcam.slam.scale_evidence import Evidence
-from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.map.map import Keyframe, Map
+from facetcam.slam.map.measure import Measurements
+from facetcam.slam.map.trajectory import Trajectory
+from facetcam.slam.mapping import loops
+from facetcam.slam.mapping.grower import Grower
+from facetcam.slam.mapping.loops import LoopCloser
+from facetcam.slam.scale.evidence import Evidence
+from facetcam.slam.tracking.fix import Fix
 
 Array = NDArray[np.float64]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from facetcam.slam.frame import Corners
-from facetcam.slam.handovers import mapped_nearby
-from facetcam.slam.map import HandedOver, Keyframe
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.map.map import HandedOver, Keyframe
+from facetcam.slam.scale.handovers import mapped_nearby
 
 LEAST = 15
 

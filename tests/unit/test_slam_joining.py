@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.geometry import se3
-from facetcam.slam.frame import Corners
-from facetcam.slam.joining import Similarity, move_world, take_in
-from facetcam.slam.map import HandedOver, Keyframe, Map
-from facetcam.slam.measure import Measurements
-from facetcam.slam.places import Places, Sightings
-from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.map.joining import Similarity, move_world, take_in
+from facetcam.slam.map.map import HandedOver, Keyframe, Map
+from facetcam.slam.map.measure import Measurements
+from facetcam.slam.map.places import Places, Sightings
+from facetcam.slam.map.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from slam_worlds import folded, in_sight, look, pyramid, spoiled, true_pairs
 
 from facetcam.geometry import se3
-from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.adjustment.adjuster import Adjuster
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.pose import refine_pose
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.doubt import views_aside
-from facetcam.slam.frame import Corners
-from facetcam.slam.joint_pose import JointSight
-from facetcam.slam.map import Keyframe, Map
-from facetcam.slam.mapping import Mapper
-from facetcam.slam.measure import Measurements
-from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs
-from facetcam.slam.pose import refine_pose
+from facetcam.slam.map.map import Keyframe, Map
+from facetcam.slam.map.measure import Measurements
+from facetcam.slam.mapping.mapper import Mapper
+from facetcam.slam.relative_pose.doubt import views_aside
+from facetcam.slam.relative_pose.pairs import Pairs
+from facetcam.slam.tracking.joint_pose import JointSight
 
 Array = NDArray[np.float64]
 

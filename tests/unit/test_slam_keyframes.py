@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.pose import Pose
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.fix import Fix
-from facetcam.slam.frame import Corners
-from facetcam.slam.keyframes import is_due
-from facetcam.slam.map import Keyframe
-from facetcam.slam.measure import Measurements, Predictions
-from facetcam.slam.pose import Pose
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.measure import Measurements, Predictions
+from facetcam.slam.tracking.fix import Fix
+from facetcam.slam.tracking.keyframes import is_due
 
 CONFIG = SlamConfig(keyframe_points=150, keyframe_overlap=0.8)
 

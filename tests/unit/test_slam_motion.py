@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from facetcam.geometry import se3
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe
-from facetcam.slam.motion import Motion
-from facetcam.slam.starting import Start
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.tracking.motion import Motion, Start
 
 NOD = np.array([0.05, 0.02, 0.0, 0.0, 0.0, 0.01])  # pitch, roll and height, which wheels do not see
 AHEAD = np.array([0.0, 0.0, 0.1, 0.0, 0.2, 0.0])

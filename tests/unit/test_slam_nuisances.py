@@ -9,10 +9,10 @@ import pytest
 from slam_worlds import bundle_of, folded, in_sight, winding_path
 
 from facetcam.rig import Rig
-from facetcam.slam.bundle import adjust
-from facetcam.slam.nuisances import Nuisances, believed, shift_by_creep
-from facetcam.slam.optics import Optics
-from facetcam.slam.scale import free_frames, map_uncertainty
+from facetcam.slam.adjustment.bundle import adjust
+from facetcam.slam.adjustment.map_uncertainty import free_frames, map_uncertainty
+from facetcam.slam.camera.nuisances import Nuisances, believed, shift_by_creep
+from facetcam.slam.camera.optics import Optics
 
 SIGMA = 0.2  # px
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from slam_worlds import by_wheels, folded, spoiled, true_pairs
 
 from facetcam.geometry import se3
-from facetcam.slam.odometry import believable, planar_motion, planar_pose
-from facetcam.slam.odometry_check import OdometryCheck
-from facetcam.slam.optics import Optics
-from facetcam.slam.two_frames import confirmed_motion
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.odometry.check import OdometryCheck
+from facetcam.slam.odometry.planar import believable, planar_motion, planar_pose
+from facetcam.slam.relative_pose.two_frames import confirmed_motion
 
 Array = NDArray[np.float64]
 

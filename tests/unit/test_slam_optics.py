@@ -11,7 +11,7 @@ from slam_worlds import fisheye, folded, look, pyramid, walls
 
 from facetcam.geometry import se3
 from facetcam.rig import NO_VIEW, Rig
-from facetcam.slam.optics import Optics
+from facetcam.slam.camera.optics import Optics
 
 Array = NDArray[np.float64]
 

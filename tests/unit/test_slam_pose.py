@@ -12,8 +12,8 @@ from slam_worlds import fisheye, folded, in_sight, look, pyramid, walls, winding
 
 from facetcam.geometry import se3
 from facetcam.rig import Rig
-from facetcam.slam.optics import Optics
-from facetcam.slam.pose import generalized_pose, judged_pose, linearise, refine_pose
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.pose import generalized_pose, judged_pose, linearise, refine_pose
 
 Array = NDArray[np.float64]
 

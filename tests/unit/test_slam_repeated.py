@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from facetcam.slam.frame import Corners, repeated
-from facetcam.slam.map import Keyframe, Map
+from facetcam.slam.camera.frame import Corners, repeated
+from facetcam.slam.map.map import Keyframe, Map
 
 KINDS = 12  # of which random descriptors of 256 bits are some 128 bits apart
 

@@ -14,13 +14,13 @@ from facetcam.rig import Rig, RigCovariance
 from facetcam.rig.covariance import GLASS
 from facetcam.rig.freedom import moved, tolerance
 from facetcam.rig.mirrors import Glass
-from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.adjustment.adjuster import Adjuster
+from facetcam.slam.adjustment.information import linearise_all, rig_derivatives
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.growing import Grower
-from facetcam.slam.information import linearise_all, rig_derivatives
-from facetcam.slam.optics import Optics
-from facetcam.slam.rig_audit import RigAudit, audit_rig, drawn_scale_sigma
-from facetcam.slam.rig_check import RigCheck
+from facetcam.slam.mapping.grower import Grower
+from facetcam.slam.rig_check.audit import RigAudit, audit_rig, drawn_scale_sigma
+from facetcam.slam.rig_check.check import RigCheck
 
 RIGS = {"folded": folded(), "pyramid": pyramid()}
 CONFIG = SlamConfig()

@@ -11,13 +11,13 @@ from slam_worlds import folded, mapped, pyramid, winding_path
 
 from facetcam.evaluation.trajectory import scale_error
 from facetcam.rig.freedom import moved, tolerance
-from facetcam.slam.adjustment import Adjuster
+from facetcam.slam.adjustment.adjuster import Adjuster
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Map
-from facetcam.slam.optics import Optics
-from facetcam.slam.rig_audit import RigAudit
-from facetcam.slam.rig_check import RigCheck
-from facetcam.slam.rig_refinement import refine_rig
+from facetcam.slam.map.map import Map
+from facetcam.slam.rig_check.audit import RigAudit
+from facetcam.slam.rig_check.check import RigCheck
+from facetcam.slam.rig_check.refinement import refine_rig
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import pytest
 from numpy.typing import NDArray
 from slam_worlds import bundle_of, folded, in_sight
 
-from facetcam.slam.bundle import Bundle
-from facetcam.slam.optics import Optics
-from facetcam.slam.scale_evidence import Evidence, home_views, scale_evidence
+from facetcam.slam.adjustment.bundle import Bundle
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.scale.evidence import Evidence, home_views, scale_evidence
 
 OPTICS = Optics(folded(), 8.0)
 # The rig does not turn: its lever arms then scale with the map, whose scale may be wrong without a trace.

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.fix import Fix
-from facetcam.slam.frame import Frame
-from facetcam.slam.measure import Measurements, Predictions
-from facetcam.slam.pose import Pose
-from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.tracking import Tracker
+from facetcam.slam.camera.frame import Frame
+from facetcam.slam.camera.pose import Pose
+from facetcam.slam.map.measure import Measurements, Predictions
+from facetcam.slam.tracking.fix import Fix
+from facetcam.slam.tracking.relocaliser import Relocaliser
+from facetcam.slam.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 

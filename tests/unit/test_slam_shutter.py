@@ -9,14 +9,14 @@ import pytest
 from slam_worlds import bundle_of, folded, in_sight, winding_path
 
 from facetcam.geometry import se3
-from facetcam.slam.bundle import Bundle, adjust
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe
-from facetcam.slam.nuisances import Nuisances
-from facetcam.slam.optics import Optics
-from facetcam.slam.scale import free_frames
-from facetcam.slam.shutter import sweep
-from facetcam.slam.trajectory import Trajectory
+from facetcam.slam.adjustment.bundle import Bundle, adjust
+from facetcam.slam.adjustment.map_uncertainty import free_frames
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.nuisances import Nuisances
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.shutter import sweep
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.trajectory import Trajectory
 
 STEP = 0.2  # seconds between frames
 SIGMA = 0.2  # px

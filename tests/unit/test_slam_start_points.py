@@ -10,7 +10,7 @@ from slam_worlds import folded
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Keyframe
+from facetcam.slam.map.map import Keyframe
 from facetcam.slam.parts import Parts
 
 N = 46  # points, of which view 1 shows 40 and view 0 the rest

@@ -13,15 +13,15 @@ from facetcam.errors import FacetcamError
 from facetcam.geometry import se3
 from facetcam.simulation.drive import round_the_table, wheel_odometry
 from facetcam.slam import Slam, Status
-from facetcam.slam.frame import Corners, Frame, make_frame
-from facetcam.slam.map import Keyframe, Map, Observations
-from facetcam.slam.measure import Measurements
-from facetcam.slam.motion import Motion
-from facetcam.slam.odometry import planar_motion, planar_pose
-from facetcam.slam.optics import Optics
-from facetcam.slam.points import Points
-from facetcam.slam.trajectory import Trajectory
-from facetcam.slam.trust import Reckoning
+from facetcam.slam.camera.frame import Corners, Frame, make_frame
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.map import Keyframe, Map, Observations
+from facetcam.slam.map.measure import Measurements
+from facetcam.slam.map.points import Points
+from facetcam.slam.map.trajectory import Trajectory
+from facetcam.slam.odometry.planar import planar_motion, planar_pose
+from facetcam.slam.tracking.motion import Motion
+from facetcam.slam.tracking.trust import Reckoning
 
 Array = NDArray[np.float64]
 

@@ -9,12 +9,12 @@ import pytest
 from slam_worlds import folded, in_sight, look
 
 from facetcam.geometry import se3
-from facetcam.slam import tracking
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map import Map
-from facetcam.slam.measure import Measurements, Predictions
-from facetcam.slam.optics import Optics
-from facetcam.slam.tracking import Tracker
+from facetcam.slam.map.map import Map
+from facetcam.slam.map.measure import Measurements, Predictions
+from facetcam.slam.tracking import tracker as tracker_module
+from facetcam.slam.tracking.tracker import Tracker
 
 OPTICS = Optics(folded(), 8.0)
 READOUT = 0.02
@@ -48,9 +48,9 @@ def test_a_pose_is_that_of_the_middle_row_once_the_readout_is_known(
     map.readout = READOUT if known else 0.0
     nothing = np.zeros((len(seen), 2))
     expected = Predictions(seen.point, seen.view, nothing, np.zeros((len(seen), 2, 2)))
-    monkeypatch.setattr(tracking, "predict", lambda *_: expected)
-    monkeypatch.setattr(tracking, "thin", lambda predictions, *_: predictions)
-    monkeypatch.setattr(tracking, "measure", lambda *_: (seen, np.ones(len(seen), dtype=bool)))
+    monkeypatch.setattr(tracker_module, "predict", lambda *_: expected)
+    monkeypatch.setattr(tracker_module, "thin", lambda predictions, *_: predictions)
+    monkeypatch.setattr(tracker_module, "measure", lambda *_: (seen, np.ones(len(seen), dtype=bool)))
     part = SimpleNamespace()
     tracker = Tracker(map, OPTICS, SlamConfig(), part, part)  # type: ignore[arg-type]
     fix = tracker.locate(part, T, np.arange(len(points)), VELOCITY)  # type: ignore[arg-type]

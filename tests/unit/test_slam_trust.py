@@ -7,13 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.fix import Fix, better, likelier
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe
-from facetcam.slam.measure import Measurements, Predictions
-from facetcam.slam.motion import Motion
-from facetcam.slam.pose import Pose
-from facetcam.slam.trust import Reckoning, Trust
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.pose import Pose
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.measure import Measurements, Predictions
+from facetcam.slam.tracking.fix import Fix, better, likelier
+from facetcam.slam.tracking.motion import Motion
+from facetcam.slam.tracking.trust import Reckoning, Trust
 
 Array = NDArray[np.float64]
 

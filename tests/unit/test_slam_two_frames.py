@@ -10,13 +10,18 @@ from slam_worlds import by_wheels, folded, in_sight, look, pyramid, single, spoi
 
 from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.doubt import views_aside
-from facetcam.slam.epipolar import epipolar_error, match_along_epipolars
-from facetcam.slam.frame import Corners
-from facetcam.slam.optics import Optics
-from facetcam.slam.pairs import Pairs
-from facetcam.slam.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion, standing_views
+from facetcam.slam.relative_pose.doubt import views_aside
+from facetcam.slam.relative_pose.epipolar import epipolar_error, match_along_epipolars
+from facetcam.slam.relative_pose.pairs import Pairs
+from facetcam.slam.relative_pose.two_frames import (
+    MIN_MATCHES,
+    confirmed_motion,
+    estimate_motion,
+    standing_views,
+)
 
 Array = NDArray[np.float64]
 

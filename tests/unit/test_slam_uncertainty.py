@@ -10,12 +10,12 @@ from slam_worlds import bundle_of, folded, in_sight, winding_path
 from threadpoolctl import threadpool_limits
 
 from facetcam.geometry import se3
-from facetcam.slam.frame import Corners
-from facetcam.slam.information import information
-from facetcam.slam.map import Keyframe
-from facetcam.slam.optics import Optics
-from facetcam.slam.scale import free_frames, map_uncertainty
-from facetcam.slam.uncertainty import TOGETHER, drift_of, pose_covariance, reckoned_covariance
+from facetcam.slam.adjustment.information import information
+from facetcam.slam.adjustment.map_uncertainty import free_frames, map_uncertainty
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.tracking.uncertainty import TOGETHER, drift_of, pose_covariance, reckoned_covariance
 
 STEP = np.diag([0.01, 0.01, 0.02, 0.05, 0.05, 0.02]) ** 2
 MOVED = se3.exp([0.1, -0.2, 0.7, 0.4, 1.2, 0.1])

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from facetcam.slam.frame import Corners
-from facetcam.slam.map import Keyframe
-from facetcam.slam.odometry import planar_pose
-from facetcam.slam.wheel_steps import WheelSteps
+from facetcam.slam.adjustment.wheel_steps import WheelSteps
+from facetcam.slam.camera.frame import Corners
+from facetcam.slam.map.map import Keyframe
+from facetcam.slam.odometry.planar import planar_pose
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from facetcam.cli.options import Format
 from facetcam.cli.tables import print_pairs
 
 if TYPE_CHECKING:
-    from facetcam.slam.map_file import MapHeader
+    from facetcam.slam.map.file import MapHeader
 
 
 def info(
@@ -20,7 +20,7 @@ def info(
     format: Annotated[Format, typer.Option(help="How to print it.")] = Format.text,
 ) -> None:
     """Check a map and say what it holds."""
-    from facetcam.slam.map_file import read_map
+    from facetcam.slam.map.file import read_map
 
     header, _ = read_map(path)
     rows = info_rows(header, path.stat().st_size)

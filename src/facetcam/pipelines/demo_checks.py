@@ -16,7 +16,7 @@ from facetcam.pipelines.summary import Summary
 from facetcam.simulation.drive import wheel_odometry
 from facetcam.simulation.film import Film
 from facetcam.simulation.room import LAMP_OFF_AT
-from facetcam.slam.odometry import planar_pose
+from facetcam.slam.odometry.planar import planar_pose
 from facetcam.viz.report import Check
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from facetcam.pipelines.progress import total_frames
 from facetcam.pipelines.slam_maps import NEW_MAP, MapChoice
 from facetcam.rig import Rig
 from facetcam.slam import SlamConfig
-from facetcam.slam.odometry_check import CLOCK_RANGE
+from facetcam.slam.odometry.check import CLOCK_RANGE
 
 Array = NDArray[np.float64]
 

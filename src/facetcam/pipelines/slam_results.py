@@ -22,7 +22,7 @@ from facetcam.pipelines.slam_maps import MapKeeper
 from facetcam.pipelines.slam_record import WAY, SlamRecord, way_in
 from facetcam.pipelines.summary import Summary
 from facetcam.slam import Slam, Status
-from facetcam.slam.nuisances import CREEP_SIGMA
+from facetcam.slam.camera.nuisances import CREEP_SIGMA
 from facetcam.viz.pages import write_slam_report
 from facetcam.viz.report import SlamReport, Truth
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.slam.atlas import Chart
+from facetcam.slam.camera.frame import Frame
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.fix import Fix
-from facetcam.slam.frame import Frame
-from facetcam.slam.localising import Localiser
-from facetcam.slam.motion import Motion
-from facetcam.slam.odometry import planar_pose
-from facetcam.slam.odometry_check import OdometryCheck
+from facetcam.slam.mapping.atlas import Chart
+from facetcam.slam.odometry.check import OdometryCheck
+from facetcam.slam.odometry.planar import planar_pose
 from facetcam.slam.parts import Parts
-from facetcam.slam.starting import Start
 from facetcam.slam.state import State, Status, ViewHealth
 from facetcam.slam.stopwatch import Stopwatch
 from facetcam.slam.threads import Background
-from facetcam.slam.uncertainty import pose_covariance
+from facetcam.slam.tracking.fix import Fix
+from facetcam.slam.tracking.localiser import Localiser
+from facetcam.slam.tracking.motion import Motion, Start
+from facetcam.slam.tracking.uncertainty import pose_covariance
 
 Array = NDArray[np.float64]
 

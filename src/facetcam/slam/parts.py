@@ -8,22 +8,22 @@ from typing import Self
 import numpy as np
 
 from facetcam.rig import Rig
-from facetcam.slam.adjustment import Adjuster
-from facetcam.slam.atlas import Atlas
+from facetcam.slam.adjustment.adjuster import Adjuster
+from facetcam.slam.camera.frame import CornerFinder, FrontEnd, SiicfFeatures
+from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import CornerFinder, FrontEnd, SiicfFeatures
-from facetcam.slam.growing import Grower
-from facetcam.slam.loops import LoopCloser
-from facetcam.slam.map import Map
-from facetcam.slam.mapping import Mapper
-from facetcam.slam.optics import Optics
-from facetcam.slam.places import Places
-from facetcam.slam.relocalisation import Relocaliser
-from facetcam.slam.resuming import Resumer
-from facetcam.slam.rig_audit import drawn_scale_sigma
-from facetcam.slam.rig_check import RigCheck
-from facetcam.slam.starting import Starter
-from facetcam.slam.tracking import Tracker
+from facetcam.slam.map.map import Map
+from facetcam.slam.map.places import Places
+from facetcam.slam.mapping.atlas import Atlas
+from facetcam.slam.mapping.grower import Grower
+from facetcam.slam.mapping.loops import LoopCloser
+from facetcam.slam.mapping.mapper import Mapper
+from facetcam.slam.mapping.resumer import Resumer
+from facetcam.slam.mapping.starter import Starter
+from facetcam.slam.rig_check.audit import drawn_scale_sigma
+from facetcam.slam.rig_check.check import RigCheck
+from facetcam.slam.tracking.relocaliser import Relocaliser
+from facetcam.slam.tracking.tracker import Tracker
 
 
 @dataclass(frozen=True, slots=True)

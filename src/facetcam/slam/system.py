@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from facetcam.errors import FacetcamError, MapError
 from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
-from facetcam.slam import outputs
+from facetcam.slam.camera.frame import Frame, make_frame
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.frame import Frame, make_frame
 from facetcam.slam.main_loop import MainLoop
-from facetcam.slam.map_file import MapHeader
-from facetcam.slam.motion import Motion
+from facetcam.slam.map import outputs
+from facetcam.slam.map.file import MapHeader
 from facetcam.slam.parts import Parts
-from facetcam.slam.rig_refinement import RigRefinement, refine_rig
+from facetcam.slam.rig_check.refinement import RigRefinement, refine_rig
 from facetcam.slam.state import State, Status
 from facetcam.slam.stopwatch import Stopwatch
 from facetcam.slam.threads import Background, Pace
+from facetcam.slam.tracking.motion import Motion
 from facetcam.slam.wheels import Wheels
 
 Array = NDArray[np.float64]

@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from facetcam.slam.motion import Motion
-from facetcam.slam.odometry import checked_odometry
-from facetcam.slam.odometry_check import OdometryCheck
+from facetcam.slam.odometry.check import OdometryCheck
+from facetcam.slam.odometry.planar import checked_odometry
 from facetcam.slam.parts import Parts
 from facetcam.slam.state import State, Status
 from facetcam.slam.threads import Background
+from facetcam.slam.tracking.motion import Motion
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Bundle adjustment, and how well the images determine what it yields."""

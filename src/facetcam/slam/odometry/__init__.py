@@ -1,0 +1,1 @@
+"""What wheels say of the way, and whether they may be believed."""

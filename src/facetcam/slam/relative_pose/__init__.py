@@ -1,0 +1,1 @@
+"""The motion between two frames, from corners that no map knows yet."""
