@@ -59,7 +59,7 @@ class Parts:
         return self.grower.proven(sigma), sigma
 
     def drawn_scale_sigma(self, pixel_sigma: float) -> float | None:
-        """The sigma if the rig is but drawn (`rig_check.audit.drawn_scale_sigma`), where the scale is known."""
+        """The sigma if the rig is but drawn (see `rig_check.audit`), where the scale is known."""
         return drawn_scale_sigma(self.optics, self.adjuster, pixel_sigma) if self.grower.metric else None
 
     @classmethod

@@ -134,7 +134,7 @@ def scores_figure(scores: Mapping[str, float], label: str) -> str:
 def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
     """Where the time of a run went: seconds of each stage in all, with its calls and their median."""
     named = [(name, np.asarray(seconds)) for name, seconds in stages.items() if len(seconds)]
-    figure, axes = new_figure(4.1, 0.8 + 0.3 * len(named))
+    figure, axes = new_figure(11.6, 0.7 + 0.26 * len(named))
     for row, (_, seconds) in enumerate(named):
         axes.barh(row, seconds.sum(), height=0.62, color=BAR_COLOUR, alpha=0.85)
         calls = f"{len(seconds)} × {1000.0 * np.median(seconds):.1f} ms"
@@ -143,7 +143,7 @@ def timing_figure(stages: Mapping[str, Sequence[float]]) -> str:
     axes.set_yticks(range(len(named)), [name for name, _ in named])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlim(0.0, 1.5 * max(seconds.sum() for _, seconds in named))  # room for the words
+    axes.set_xlim(0.0, 1.15 * max(seconds.sum() for _, seconds in named))  # room for the words
     axes.set_xlabel("seconds in all; calls × median")
     return to_svg(figure)
 
