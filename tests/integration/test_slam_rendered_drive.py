@@ -158,6 +158,14 @@ def test_live_poses_are_as_unsure_as_they_say_from_the_start(shot: Shot, by_sigh
     assert np.mean(np.array(nees) < chi2.ppf(0.9973, 3)) >= 0.9
 
 
+def test_all_points_behind_the_last_keyframes_were_found_again(by_sight: Run) -> None:
+    map, window = by_sight.slam._map, by_sight.slam.config.window
+    left, kept = map.keyframes[:-window], map.keyframes[-window:]
+    ids = np.setdiff1d(map.observed_points(left), map.observed_points(kept))
+    assert len(ids) > 20
+    assert map.points.found[ids].min() > 0
+
+
 def test_the_cloud_lies_in_the_room(room: MeshRenderer, shot: Shot, with_wheels: Run) -> None:
     """Most points lie on the surface that a ray to them meets, to some hundredths of their distance."""
     points, colours = with_wheels.slam.cloud()

@@ -168,6 +168,15 @@ class Map:
             seen[keyframe.observations.point] = True
         return np.flatnonzero(seen & self.points.alive)
 
+    def drop_unproven(self, left: list[Keyframe], kept: list[Keyframe]) -> None:
+        """Drop what some keyframes saw, none of those kept did, and tracking has never found again.
+
+        Corners that look alike are many among these points, and fit the pose at which they met (compare the
+        test of recent points in R. Mur-Artal, J. M. M. Montiel, J. D. Tardos, "ORB-SLAM", 2015).
+        """
+        ids = np.setdiff1d(self.observed_points(left), self.observed_points(kept))
+        self.points.alive[ids[self.points.found[ids] == 0]] = False
+
     def unmistakable(
         self, point: Index, view: NDArray[np.int8], keyframes: list[Keyframe]
     ) -> NDArray[np.bool_]:

@@ -90,6 +90,8 @@ class Mapper:
             with lock:
                 self._refind(keyframe, other)
         self._adjuster.adjust_window()
+        with lock:
+            self._map.drop_unproven(self._map.keyframes[: -self._config.window][-1:], window)
         self._forget_images()
         return keyframe
 
