@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from pathlib import Path
@@ -23,8 +22,8 @@ from _common import data_folder, show
 from _rig_films import ELSEWHERE, FILMS, render
 
 from facetcam.evaluation.trajectory import evaluate
-from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
-from facetcam.slam import Slam, State
+from facetcam.pipelines.inputs import read_slam_inputs
+from facetcam.slam import Slam
 
 COLUMNS = ("film", "from frame", "with a pose", "ATE cm", "scale", "off", "in sigmas")
 
@@ -56,29 +55,24 @@ class Result(NamedTuple):
         return abs(self.off) / self.sigma
 
 
-def play(case: Case, each: Callable[[Slam, State], None] = lambda *_: None) -> tuple[Slam, SlamInputs, int]:
-    """Track one film, and call `each` after every frame; returns how many there were, too."""
+def run(case: Case) -> Result | None:
+    """Track one film; None where there is no path."""
     cv2.setNumThreads(1)
     film, rig, truth = (case.folder / name for name in ("film.mp4", "rig_true.yaml", "truth.tum"))
     wheels = case.folder / "odometry.csv" if case.wheels else None
     inputs = read_slam_inputs(film, rig, wheels, truth, None, None, None)
+    assert inputs.truth is not None
     slam, frames = Slam(inputs.rig), 0
     with inputs.source:
         for frame in inputs.source:
-            if frame.index >= case.start:
-                each(slam, slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp)))
-                frames += 1
-    return slam, inputs, frames
-
-
-def run(case: Case) -> Result | None:
-    """Track one film; None where there is no path."""
-    slam, inputs, frames = play(case)
+            if frame.index < case.start:
+                continue
+            slam.track(frame.image, frame.timestamp, inputs.odometry_at(frame.timestamp))
+            frames += 1
     slam.finish()
     path = slam.trajectory()
     if len(path[0]) < 3:
         return None
-    assert inputs.truth is not None
     errors = evaluate(path, inputs.truth, 0.02)
     tracked, off = len(path[0]) / frames, errors.scale_error
     return Result(tracked, errors.ate.rmse, off, slam.scale_sigma, slam.metric, handover_error(slam, off))
