@@ -26,7 +26,7 @@ from facetcam.evaluation.trajectory import evaluate
 from facetcam.features import Keypoints, describe
 from facetcam.pipelines.inputs import SlamInputs, read_slam_inputs
 from facetcam.slam import Slam, SlamConfig, Status
-from facetcam.slam.camera.frame import Features, FrontEnd, SiicfFeatures
+from facetcam.slam.camera.corner_finder import Features, FrontEnd, SiicfFeatures
 from facetcam.slam.parts import Parts
 
 Image = NDArray[np.uint8]

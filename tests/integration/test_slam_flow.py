@@ -12,7 +12,8 @@ from facetcam.simulation.drive import Drive, round_the_table
 from facetcam.simulation.film import Film, renderer_of
 from facetcam.simulation.mesh_renderer import MeshRenderer
 from facetcam.simulation.room import furnished_room
-from facetcam.slam.camera.frame import CornerFinder, Frame, SiicfFeatures, make_frame
+from facetcam.slam.camera.corner_finder import CornerFinder, SiicfFeatures
+from facetcam.slam.camera.frame import Frame, make_frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.measure import Measurements

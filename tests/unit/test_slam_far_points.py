@@ -9,7 +9,8 @@ import pytest
 from slam_worlds import single
 
 from facetcam.geometry import se3
-from facetcam.slam.camera.frame import CornerFinder, Corners, Frame
+from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import Pose
 from facetcam.slam.config import SlamConfig

@@ -12,7 +12,7 @@ from slam_worlds import folded, in_sight, look, pyramid, single
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.rig.mirrors import Mirror
-from facetcam.slam.camera.frame import CornerFinder
+from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.relative_pose.pairs import Pairs

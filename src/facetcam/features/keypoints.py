@@ -61,6 +61,12 @@ class Keypoints:
         return cls.from_rows(rows)
 
     @classmethod
+    def joined(cls, parts: Sequence[Keypoints]) -> Keypoints:
+        """Put keypoints of one image one after another."""
+        parts = [cls.at(np.empty((0, 2), np.float32)), *parts]
+        return cls(*(np.concatenate([getattr(p, field.name) for p in parts]) for field in fields(cls)))
+
+    @classmethod
     def from_cv2(cls, keypoints: Sequence[Any]) -> Keypoints:
         """Convert a sequence of ``cv2.KeyPoint``; the level is the lowest byte of its octave."""
         rows = [(*k.pt, k.size, k.angle, k.response, k.octave & 255) for k in keypoints]

@@ -9,7 +9,7 @@ import numpy as np
 
 from facetcam.rig import Rig
 from facetcam.slam.adjustment.adjuster import Adjuster
-from facetcam.slam.camera.frame import CornerFinder, FrontEnd, SiicfFeatures
+from facetcam.slam.camera.corner_finder import CornerFinder, FrontEnd, SiicfFeatures
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Map

@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.errors import FacetcamError
-from facetcam.features import SIICF, Keypoints, describe
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.features.matching import hamming
-from facetcam.slam.camera.optics import Optics
 
 Image = NDArray[np.uint8]
 
 _ALIKE = 40  # bits by which descriptors of one corner in two frames differ easily
 _BESIDE = 6.0  # px within which two corners are one thing
-_LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,18 +90,6 @@ def _grey_bytes(image: NDArray[np.generic]) -> Image:
     return np.ascontiguousarray(grey, dtype=np.uint8)
 
 
-class Features(Protocol):
-    """Finds corners and describes them by 256 bits."""
-
-    def detect(self, image: Image, mask: Image) -> Keypoints:
-        """Corners of a grey image (H, W) where the mask is set."""
-
-    def describe(
-        self, image: Image, keypoints: Keypoints, flipped: bool
-    ) -> tuple[Keypoints, NDArray[np.uint8]]:
-        """Descriptors (M, 32) of those keypoints that have one, turned by their angle; see `describe`."""
-
-
 def repeated(corners: Corners, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Tell which rows of corners another corner of their view looks like."""
     out = np.zeros(len(rows), dtype=bool)
@@ -118,88 +100,3 @@ def repeated(corners: Corners, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
         apart = np.linalg.norm(corners.pixels[rows[own[i]]] - corners.pixels[others[j]], axis=1) > _BESIDE
         out[own[i[apart]]] = True
     return out
-
-
-FrontEnd = Callable[[int, int], Features]  # of the number of corners, and of a cell's side in pixels
-
-
-class SiicfFeatures:
-    """The front end: SIICF corners described by TEBLID."""
-
-    def __init__(self, max_features: int, cell: int) -> None:
-        self._detector = SIICF.create(
-            max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
-        )
-
-    def detect(self, image: Image, mask: Image) -> Keypoints:
-        """Corners of an image where the mask is set."""
-        return self._detector.detect(image, mask)
-
-    def describe(
-        self, image: Image, keypoints: Keypoints, flipped: bool
-    ) -> tuple[Keypoints, NDArray[np.uint8]]:
-        """Those keypoints that could be described, and their descriptors."""
-        return describe(image, keypoints, flipped, "binary")
-
-
-class CornerFinder:
-    """Corners in the valid pixels of all views, with descriptors that know which way is up.
-
-    Which way is up at a pixel is known from the rig, so the turn is taken out of the descriptor, and odd
-    chains are described as the mirror images that they are.
-
-    Parameters
-    ----------
-    optics : Optics
-    max_features : int
-    front_end : FrontEnd
-    """
-
-    def __init__(self, optics: Optics, max_features: int, front_end: FrontEnd = SiicfFeatures) -> None:
-        self._optics = optics
-        self._one_at_a_time = threading.Lock()  # two threads may ask for the same frame
-        # Cells of about nine corners: every part of every view has some, and no blank wall has many.
-        cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
-        self._features = front_end(max_features, cell)
-
-    def __call__(self, frame: Frame) -> Corners:
-        """Corners of the frame, found once and kept with it."""
-        with self._one_at_a_time:
-            return self._find(frame)
-
-    def _find(self, frame: Frame) -> Corners:
-        if frame.corners is None:
-            keypoints = self._features.detect(frame.grey, self._optics.mask)
-            views = self._optics.view_of(keypoints.xy.astype(np.float64))
-            corners = self._describe(frame.grey, keypoints, views)
-            frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
-            frame.corners, frame.image = corners, None
-        return frame.corners
-
-    def _describe(self, grey: Image, keypoints: Keypoints, views: NDArray[np.int8]) -> Corners:
-        parts = []
-        for flipped in (False, True):
-            chosen = np.isin(views, np.flatnonzero(self._optics.flipped == flipped))
-            if not chosen.any():
-                continue
-            xy = keypoints.xy[chosen].astype(np.float64)
-            roll = self._optics.upright_degrees(xy, views[chosen]).astype(np.float32)
-            upright = replace(keypoints[chosen], angle=roll)
-            kept, descriptors = self._features.describe(grey, upright, flipped)
-            xy = kept.xy.astype(np.float64)
-            parts.append((xy, self._optics.view_of(xy), descriptors))
-        if not parts:
-            return Corners.none()
-        pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
-        return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
-
-
-def colours(image: NDArray[np.generic], pixels: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """RGB (N, 3) of the nearest pixels of a grey or BGR frame."""
-    columns, rows = np.rint(pixels).astype(np.int64).T
-    values = image[rows, columns]
-    if values.dtype == np.uint16:
-        values = (values // 257).astype(np.uint8)
-    if values.ndim == 1:
-        values = np.repeat(values[:, None], 3, axis=1)
-    return np.asarray(values[:, ::-1], dtype=np.uint8)

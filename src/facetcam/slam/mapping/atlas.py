@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from facetcam.slam.adjustment.adjuster import Adjuster
-from facetcam.slam.camera.frame import CornerFinder, Corners, Frame
+from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.map.joining import Similarity, move_world, take_in
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.places import Places

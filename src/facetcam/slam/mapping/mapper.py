@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.adjustment.adjuster import Adjuster
-from facetcam.slam.camera.frame import CornerFinder, Corners, Frame
+from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.slam.camera.frame import CornerFinder, Frame
+from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.features import match_windowed
-from facetcam.slam.camera.frame import CornerFinder, Corners, Frame
+from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import generalized_pose
 from facetcam.slam.config import SlamConfig

@@ -1,0 +1,155 @@
+"""Corners of a frame, view by view."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from facetcam.features import SIICF, Keypoints, describe
+from facetcam.slam.camera.frame import Corners, Frame, Image
+from facetcam.slam.camera.optics import Optics
+
+_LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
+_AROUND = 32  # px round a view that a detector sees, too
+_GRID = 8  # px: boxes begin where pixels of the coarsest octave do
+
+
+class Features(Protocol):
+    """Finds corners and describes them by 256 bits."""
+
+    def detect(self, image: Image, mask: Image) -> Keypoints:
+        """Corners of a grey image (H, W) where the mask is set."""
+
+    def describe(
+        self, image: Image, keypoints: Keypoints, flipped: bool
+    ) -> tuple[Keypoints, NDArray[np.uint8]]:
+        """Descriptors (M, 32) of those keypoints that have one, turned by their angle; see `describe`."""
+
+
+FrontEnd = Callable[[int, int], Features]  # of the number of corners, and of a cell's side in pixels
+
+
+class SiicfFeatures:
+    """The front end: SIICF corners described by TEBLID."""
+
+    def __init__(self, max_features: int, cell: int) -> None:
+        self._detector = SIICF.create(
+            max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
+        )
+
+    def detect(self, image: Image, mask: Image) -> Keypoints:
+        """Corners of an image where the mask is set."""
+        return self._detector.detect(image, mask)
+
+    def describe(
+        self, image: Image, keypoints: Keypoints, flipped: bool
+    ) -> tuple[Keypoints, NDArray[np.uint8]]:
+        """Those keypoints that could be described, and their descriptors."""
+        return describe(image, keypoints, flipped, "binary")
+
+
+@dataclass(frozen=True, slots=True)
+class Pane:
+    """The part of the frame that shows a view, and what looks for corners there.
+
+    Attributes
+    ----------
+    box : (slice, slice)
+        Rows and columns of the frame.
+    mask : (H, W) uint8 array
+        Not zero at the valid pixels of the view in the box.
+    features : Features
+    """
+
+    box: tuple[slice, slice]
+    mask: Image
+    features: Features
+
+    def detect(self, grey: Image) -> Keypoints:
+        """Corners of a whole frame in this view: its own light alone tells what is dark there."""
+        found = self.features.detect(grey[self.box], self.mask)
+        rows, columns = self.box
+        return replace(found, xy=found.xy + np.array([columns.start, rows.start], np.float32))
+
+
+class CornerFinder:
+    """Corners in the valid pixels of all views, with descriptors that know which way is up.
+
+    Which way is up at a pixel is known from the rig, so the turn is taken out of the descriptor, and odd
+    chains are described as the mirror images that they are.
+
+    Parameters
+    ----------
+    optics : Optics
+    max_features : int
+        Over all views, each of which has a share by its pixels.
+    front_end : FrontEnd
+    """
+
+    def __init__(self, optics: Optics, max_features: int, front_end: FrontEnd = SiicfFeatures) -> None:
+        self._optics = optics
+        self._one_at_a_time = threading.Lock()  # two threads may ask for the same frame
+        # Cells of about nine corners: every part of every view has some, and no blank wall has many.
+        density = max_features / np.count_nonzero(optics.mask)
+        cell = int(3 / np.sqrt(density))
+        self._describing = front_end(max_features, cell)
+        self._panes = []
+        for view in range(optics.n_views):
+            own = optics.labels == view
+            if share := round(density * np.count_nonzero(own)):
+                box = _box_round(own)
+                self._panes.append(Pane(box, own[box].view(np.uint8), front_end(share, cell)))
+
+    def __call__(self, frame: Frame) -> Corners:
+        """Corners of the frame, found once and kept with it."""
+        with self._one_at_a_time:
+            return self._find(frame)
+
+    def _find(self, frame: Frame) -> Corners:
+        if frame.corners is None:
+            keypoints = Keypoints.joined([pane.detect(frame.grey) for pane in self._panes])
+            corners = self._describe(frame.grey, keypoints)
+            frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
+            frame.corners, frame.image = corners, None
+        return frame.corners
+
+    def _describe(self, grey: Image, keypoints: Keypoints) -> Corners:
+        parts, views = [], self._optics.view_of(keypoints.xy.astype(np.float64))
+        for flipped in (False, True):
+            chosen = np.isin(views, np.flatnonzero(self._optics.flipped == flipped))
+            if not chosen.any():
+                continue
+            xy = keypoints.xy[chosen].astype(np.float64)
+            roll = self._optics.upright_degrees(xy, views[chosen]).astype(np.float32)
+            upright = replace(keypoints[chosen], angle=roll)
+            kept, descriptors = self._describing.describe(grey, upright, flipped)
+            xy = kept.xy.astype(np.float64)
+            parts.append((xy, self._optics.view_of(xy), descriptors))
+        if not parts:
+            return Corners.none()
+        pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
+        return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
+
+
+def _box_round(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Rows and columns of a mask that is not empty, and of some pixels around it."""
+    lines = [np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0)]
+    first, last = np.array([(line[0] - _AROUND, line[-1] + 1 + _AROUND) for line in lines]).T
+    first, last = _GRID * (np.maximum(first, 0) // _GRID), _GRID * -(-last // _GRID)
+    return slice(first[0], last[0]), slice(first[1], last[1])
+
+
+def colours(image: NDArray[np.generic], pixels: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """RGB (N, 3) of the nearest pixels of a grey or BGR frame."""
+    columns, rows = np.rint(pixels).astype(np.int64).T
+    values = image[rows, columns]
+    if values.dtype == np.uint16:
+        values = (values // 257).astype(np.uint8)
+    if values.ndim == 1:
+        values = np.repeat(values[:, None], 3, axis=1)
+    return np.asarray(values[:, ::-1], dtype=np.uint8)
