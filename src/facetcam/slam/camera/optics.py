@@ -17,6 +17,8 @@ Index = NDArray[np.integer]
 
 _SAMPLES = 400
 _LEAST_UP = 0.3  # sine of the angle between a ray and up, below which up has no clear direction
+_DISTANCES = (10.0, 40.0, 160.0)  # of the farthest view from the middle of all
+_LEAST_SHARED = 0.02  # of a view's pixels
 _STEEPEST = np.cos(np.radians(75.0))  # an ideal pinhole stretches pixels without bound beyond
 
 
@@ -39,6 +41,8 @@ class Optics:
         Focal length of the ideal pinholes, in pixels.
     T_view_rig : (V, 4, 4) array
         Rig frame to ideal pinhole, proper.
+    overlapping : list of (int, int)
+        Views that see the same part of the world at once.
     """
 
     def __init__(self, rig: Rig, margin: float) -> None:
@@ -49,6 +53,7 @@ class Optics:
         self.flipped = np.array([rig.is_flipped(name) for name in self.names])
         self._samples = [self._sample(v, rig) for v in range(self.n_views)]
         self.take_up(rig)
+        self.overlapping = self._overlapping()
         if rig.camera.model == KANNALA_BRANDT:
             self._leave_out_steep_rays()
 
@@ -103,6 +108,21 @@ class Optics:
         steep = np.einsum("ni,ni->n", rays, self.T_view_rig[views, 2, :3]) < _STEEPEST
         self.labels[rows[steep], columns[steep]] = NO_VIEW
         self.mask[rows[steep], columns[steep]] = 0
+
+    def _overlapping(self) -> list[tuple[int, int]]:
+        """Pairs of views of which one sees what lies on the other's rays, at some distance."""
+        if self.n_views < 2:
+            return []
+        centres = self.T_rig_view[:, :3, 3]
+        baseline = float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
+        shared = np.zeros((self.n_views, self.n_views), dtype=bool)
+        for view, pixels in enumerate(self._samples):
+            views = np.full(len(pixels), view)
+            rays, origins = self.rays(pixels, views), self.origins(views)
+            for distance in _DISTANCES:
+                seen = self.project(origins + distance * baseline * rays)[1]
+                shared[view] |= seen.mean(axis=1) > _LEAST_SHARED
+        return [(v, w) for v in range(self.n_views) for w in range(v + 1, self.n_views) if shared[v, w]]
 
     def _roll(self, view: int) -> float:
         """Angle on the raw frame, in degrees, of the pinhole's x axis."""

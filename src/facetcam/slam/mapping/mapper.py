@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
-from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.adjustment.adjuster import Adjuster
 from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
-from facetcam.slam.map.measure import Measurements, measure, predict
+from facetcam.slam.map.measure import Measurements, predict
+from facetcam.slam.mapping.triangulator import Triangulator
 from facetcam.slam.odometry.planar import planar_motion
 from facetcam.slam.relative_pose.doubt import is_denied, views_aside
-from facetcam.slam.relative_pose.epipolar import match_along_epipolars
 from facetcam.slam.relative_pose.pairs import Pairs, match_corners
 from facetcam.slam.scale.handovers import Handovers
 from facetcam.slam.scale.search import better_scale, found_elsewhere, rescale
@@ -56,6 +55,7 @@ class Mapper:
         self._config = config
         self._corners = corners
         self._adjuster = adjuster
+        self._triangulator = Triangulator(map, optics, config)
         self.handovers = Handovers(map, optics, config, adjuster)
         self.session = 0
         self.denied = False
@@ -86,10 +86,12 @@ class Mapper:
         for partner in reversed(window[-1 - _PARTNERS : -1]):
             if partner.frame is not None:
                 with lock:
-                    self._triangulate(keyframe, partner, gate)
+                    self._triangulator.in_time(keyframe, partner, gate)
+        with lock:
+            self._triangulator.across_views(keyframe, gate)
         for other in window:
             with lock:
-                self._refind(keyframe, other)
+                self._triangulator.refind(keyframe, other)
         self._adjuster.adjust_window()
         with lock:
             self._map.drop_unproven(self._map.keyframes[: -self._config.window][-1:], window)
@@ -155,72 +157,6 @@ class Mapper:
         keyframe.T_world_rig = before
         return aside
 
-    def _triangulate(self, new: Keyframe, old: Keyframe, gate: float) -> None:
-        """Match the free corners of two keyframes and add those whose rays meet as map points."""
-        a, b = np.flatnonzero(new.free), np.flatnonzero(old.free)
-        T_new_old = se3.inverse(new.T_world_rig) @ old.T_world_rig
-        a, b = match_along_epipolars(
-            new.corners, a, old.corners, b, T_new_old, gate, self._optics, self._config
-        )
-        xyz, consistent = self._meet(new, a, old, b, gate)
-        a, b, xyz = a[consistent], b[consistent], xyz[consistent]
-        ids, kept = self._map.add_points(xyz, new, a, self._optics)
-        a, b = a[kept], b[kept]
-        confirmed = self._confirm(ids, old, old.corners.pixels[b], old.corners.views[b])
-        self._map.points.alive[ids[~confirmed]] = False
-        ids, a, b = ids[confirmed], a[confirmed], b[confirmed]
-        new.free[a] = False
-        old.free[b] = False
-        corners = new.corners
-        new.observations.append(ids, corners.views[a], corners.pixels[a], corners.plane[a])
-
-    def _meet(
-        self, new: Keyframe, a: Index, old: Keyframe, b: Index, gate: float
-    ) -> tuple[Array, NDArray[np.bool_]]:
-        """Triangulate corner pairs, and tell which fit both images with enough parallax."""
-        rays = []
-        for keyframe, rows in ((new, a), (old, b)):
-            views = keyframe.corners.views[rows]
-            directions = self._optics.plane_rays(keyframe.corners.plane[rows], views)
-            origins = se3.transform(keyframe.T_world_rig, self._optics.origins(views))
-            rays += [origins, directions @ keyframe.T_world_rig[:3, :3].T]
-        xyz, distance_a, distance_b, angle = triangulate_two_rays(*rays)
-        good = (angle > self._config.min_parallax) & (distance_a > 0) & (distance_b > 0)
-        for keyframe, rows in ((new, a), (old, b)):
-            views = keyframe.corners.views[rows]
-            points_rig = se3.transform(se3.inverse(keyframe.T_world_rig), xyz)
-            plane, depth = self._optics.to_plane(points_rig, views)
-            good &= (depth > 0) & (np.linalg.norm(plane - keyframe.corners.plane[rows], axis=1) < gate)
-        return xyz, good
-
-    def _confirm(
-        self, ids: Index, old: Keyframe, pixels: Array, views: NDArray[np.int8]
-    ) -> NDArray[np.bool_]:
-        """Find new points by their patches in the older keyframe, and observe them there to sub-pixel."""
-        assert old.frame is not None
-        predictions = predict(self._map.points, ids, old.T_world_rig, self._optics)
-        order = np.searchsorted(ids, predictions.point)
-        predictions = predictions.take(predictions.view == views[order])
-        order = np.searchsorted(ids, predictions.point)
-        predictions.pixels = pixels[order]
-        found, _ = measure(old.frame, predictions, self._map.points, self._optics, self._config)
-        old.observations.append(found.point, found.view, found.pixels, found.plane)
-        return np.isin(ids, found.point)
-
-    def _refind(self, keyframe: Keyframe, other: Keyframe) -> None:
-        """Look for a keyframe's points in all views of another one whose images are kept."""
-        if other.frame is None:
-            return
-        ids = np.unique(keyframe.observations.point)
-        predictions = predict(self._map.points, ids, other.T_world_rig, self._optics)
-        seen = (predictions.point, predictions.view)
-        sought = ~other.observations.has(*seen) & self._map.unmistakable(*seen, [keyframe])
-        predictions = predictions.take(sought)
-        found, hit = measure(other.frame, predictions, self._map.points, self._optics, self._config)
-        near = np.linalg.norm(found.pixels - predictions.pixels[hit], axis=1) < self._config.gate
-        found = found.take(near)
-        other.observations.append(found.point, found.view, found.pixels, found.plane)
-
     def drop(self, rows: NDArray[np.bool_]) -> None:
         """Drop some of the points (N,), and adjust the window without them."""
         if rows.any():
@@ -239,7 +175,7 @@ class Mapper:
         for keyframe in window:
             for other in window:
                 with lock:
-                    self._refind(keyframe, other)
+                    self._triangulator.refind(keyframe, other)
 
     def _forget_images(self) -> None:
         """Only the window needs them, and a map whose scale has not been told yet."""

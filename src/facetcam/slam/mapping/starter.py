@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +15,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
+from facetcam.slam.mapping.trial import Trial, Waiting, interpolated, is_clear
 from facetcam.slam.odometry.planar import planar_motion, planar_pose
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.following import Links, follow
@@ -29,34 +28,22 @@ from facetcam.slam.relative_pose.two_frames import (
     confirmed_motion,
     enough_parallax,
     estimate_motion,
+    much_alike,
     standing_views,
 )
 from facetcam.slam.relative_pose.witnesses import shares
-from facetcam.slam.scale.search import home_of_points
-from facetcam.slam.tracking.fix import Fix
 from facetcam.slam.tracking.motion import Start
 from facetcam.slam.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_NONE = np.empty(0, np.int64)
 _MAX_WAITING = 40
 _LONG = 8  # waiting frames from which the middle one is tried as the first, too
 _LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
-_TRIALS = 3  # frames between in which a point was looked for
-_LEAST_FOUND = 0.5  # share of them in which a point of the world is found
-_MOST_RARE = 0.2  # of a view's points
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
-
-
-@dataclass(frozen=True, slots=True)
-class Waiting:
-    """A frame before the map, with links from the corners of those before it."""
-
-    frame: Frame
-    odometry: Array | None
-    links: Links
 
 
 class Starter:
@@ -83,6 +70,7 @@ class Starter:
         self._corners = corners
         self._mapper = mapper
         self._tracker = tracker
+        self._trial = Trial(map, mapper, tracker)
         self._waiting: list[Waiting] = []
         self._passed: list[Waiting] = []  # left behind, to be solved backwards from the map
         self._wheels_proven = False
@@ -96,6 +84,8 @@ class Starter:
         earlier = [self._corners(w.frame) for w in self._waiting[:-3:-1]]
         links = Links.of(self._corners(frame), earlier, self._config)
         self._waiting.append(Waiting(frame, odometry, links))
+        if (start := self._start_at_once()) is not None:
+            return start
         showing = self._showing()
         while len(self._waiting) > 1:
             pairs = self._pairs(0)
@@ -123,6 +113,23 @@ class Starter:
         pairs = self._pairs(-2) if len(self._waiting) > 1 else Pairs.none()
         return shares(pairs.views, pairs.move())[0]
 
+    def _start_at_once(self) -> Start | None:
+        """Start where views overlap: one frame gives its points a depth, and the next one is found there."""
+        if not self._optics.overlapping or len(self._waiting) < 2:
+            return None
+        first, new = self._waiting[-2:]
+        measured = self._measured(first, new)
+        a = self._first_keyframe(first, self._config.gate, standing_views(self._pairs(-2)))
+        predicted = a.T_world_rig if measured is None else a.T_world_rig @ measured.T_a_b
+        fix = None if self._too_few_or_far(a) else self._tracker.find(new.frame, predicted)
+        if not is_clear(fix) or _contradicted(se3.inverse(a.T_world_rig) @ fix.T_world_rig, measured):
+            self._map.clear()
+            return None
+        b = self._mapper.insert(new.frame, fix.T_world_rig, fix.seen, new.odometry, self._config.gate)
+        solved = self._trial.before(a, b, [*self._passed, *self._waiting[:-2]])
+        self.forget()
+        return Start(a, b, solved, se3.inverse(a.T_world_rig) @ b.T_world_rig, b.timestamp - a.timestamp)
+
     def _start(self, row: int, pairs: Pairs, showing: Index) -> Start | None:
         """Start a map from a waiting frame and the last one, if they can."""
         passed, waiting = [*self._passed, *self._waiting[:row]], self._waiting[row:]
@@ -136,9 +143,8 @@ class Starter:
     def _motions(self, waiting: list[Waiting], pairs: Pairs, showing: Index) -> Iterator[Array]:
         """Motions with which a map may start: that of the wheels, then that of the images alone."""
         first, new = waiting[0], waiting[-1]
-        if first.odometry is not None and new.odometry is not None:
-            wheels, covariance = planar_motion(first.odometry, new.odometry, self._config.odometry_sigma)
-            measured = Measured(wheels, np.sqrt(np.diag(covariance)[:3]))
+        measured = self._measured(first, new)
+        if measured is not None:
             T = confirmed_motion(pairs, measured, self._optics)
             a, b = self._corners(first.frame), self._corners(new.frame)
             if T is not None:
@@ -154,6 +160,17 @@ class Starter:
         if seen is not None:
             yield seen
 
+    def _measured(self, first: Waiting, new: Waiting) -> Measured | None:
+        """What the wheels say of the way between two frames."""
+        if first.odometry is None or new.odometry is None:
+            return None
+        T, covariance = planar_motion(first.odometry, new.odometry, self._config.odometry_sigma)
+        return Measured(T, np.sqrt(np.diag(covariance)[:3]))
+
+    def _first_keyframe(self, first: Waiting, gate: float, aside: Index = _NONE) -> Keyframe:
+        origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
+        return self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, gate, aside)
+
     def _first_map(
         self, passed: list[Waiting], waiting: list[Waiting], T_first_new: Array, aside: Index
     ) -> Start | None:
@@ -162,19 +179,17 @@ class Starter:
         What stands in both has no depth, or is no part of the world: views set `aside` give no points.
         """
         first, new = waiting[0], waiting[-1]
-        origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
-        a = self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, START_GATE)
-        b = self._mapper.insert(
-            new.frame, origin @ T_first_new, Measurements.none(), new.odometry, START_GATE, aside
-        )
+        a = self._first_keyframe(first, START_GATE)
+        T_world_new = a.T_world_rig @ T_first_new
+        b = self._mapper.insert(new.frame, T_world_new, Measurements.none(), new.odometry, START_GATE, aside)
         self._mapper.seek_scale()
-        solved, share = self._between(a, b, waiting)
+        solved, share = self._trial.between(a, b, waiting)
         if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
-        solved += self._before(a, b, passed)
+        solved += self._trial.before(a, b, passed)
         before = waiting[-2].frame.timestamp
-        T_step = se3.inverse(_interpolated(a, b, before)) @ b.T_world_rig
+        T_step = se3.inverse(interpolated(a, b, before)) @ b.T_world_rig
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
 
     def _too_few_or_far(self, a: Keyframe) -> bool:
@@ -182,62 +197,9 @@ class Starter:
         distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
         return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
 
-    def _between(
-        self, a: Keyframe, b: Keyframe, waiting: list[Waiting]
-    ) -> tuple[list[tuple[float, Fix]], float]:
-        """Poses of the frames between the first keyframes, and the share of these frames that fit.
 
-        Points that most of them lack are dropped: corners that look alike have met at a wrong depth.
-        """
-        solved = []
-        for between in waiting[1:-1]:
-            time = between.frame.timestamp
-            fix = self._tracker.find(between.frame, _interpolated(a, b, time))
-            if _is_clear(fix):
-                solved.append((time, fix))
-        self._drop_rare([fix for _, fix in solved])
-        return solved, len(solved) / (len(waiting) - 2) if len(waiting) > 2 else 1.0
-
-    def _drop_rare(self, fixes: list[Fix]) -> None:
-        """Drop points that most frames lack in which they were looked for, in whatever view.
-
-        Where a view lacks many, rather the poses or the scale are wrong, which these points may tell yet.
-        """
-        expected, found = np.zeros((2, len(self._map.points)), dtype=int)
-        for fix in fixes:
-            expected[np.unique(fix.predictions.point)] += 1
-            found[np.unique(fix.seen.point)] += 1
-        rare = (expected >= _TRIALS) & (found < _LEAST_FOUND * expected)
-        home = home_of_points(self._map)
-        for view in np.unique(home[rare]):
-            if np.mean(rare[home == view]) > _MOST_RARE:
-                rare[home == view] = False
-        self._mapper.drop(rare)
-
-    def _before(self, a: Keyframe, b: Keyframe, passed: list[Waiting]) -> list[tuple[float, Fix]]:
-        """Poses of the frames that were left behind, from the first keyframe backwards as the rig came."""
-        solved = []
-        T, time, twist = a.T_world_rig, a.timestamp, _twist(a, b)
-        for before in reversed(passed):
-            elapsed = before.frame.timestamp - time
-            fix = self._tracker.find(before.frame, T @ se3.exp(elapsed * twist), T)
-            if not _is_clear(fix):
-                break
-            twist = se3.log(se3.inverse(T) @ fix.T_world_rig) / elapsed
-            T, time = fix.T_world_rig, before.frame.timestamp
-            solved.append((time, fix))
-        return solved
-
-
-def _is_clear(fix: Fix | None) -> TypeGuard[Fix]:
-    return fix is not None and fix.clear
-
-
-def _twist(a: Keyframe, b: Keyframe) -> Array:
-    """Right-hand twist (6,) a second from one keyframe to the other."""
-    return se3.log(se3.inverse(a.T_world_rig) @ b.T_world_rig) / (b.timestamp - a.timestamp)
-
-
-def _interpolated(a: Keyframe, b: Keyframe, timestamp: float) -> Array:
-    """Pose between two keyframes at a constant twist."""
-    return a.T_world_rig @ se3.exp((timestamp - a.timestamp) * _twist(a, b))
+def _contradicted(T_a_b: Array, measured: Measured | None) -> bool:
+    """Tell whether wheels that turn say something else: what is part of the robot stands before it."""
+    if measured is None or np.linalg.norm(measured.T_a_b[:3, 3]) < STANDING:
+        return False
+    return not much_alike(T_a_b, measured.T_a_b)

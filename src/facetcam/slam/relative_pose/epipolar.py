@@ -1,4 +1,4 @@
-"""Epipolar geometry of one view at two rig poses, and matching of corners along it."""
+"""Epipolar geometry of views at two rig poses, and matching of corners along it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,27 @@ from facetcam.slam.config import SlamConfig
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+Candidates = tuple[Index, Index, NDArray[np.int32]]  # corners of either side, and bits by which they differ
 
 _FAR = 1 << 14  # a Hamming distance that never matches
 
 
-def epipolar_error(plane_a: Array, plane_b: Array, view: int, T_a_b: Array, optics: Optics) -> Array:
-    """Signed Sampson distance in pixels of points seen in one view at two rig poses.
+def epipolar_error(
+    plane_a: Array, plane_b: Array, view: int, T_a_b: Array, optics: Optics, view_b: int | None = None
+) -> Array:
+    """Signed Sampson distance in pixels of points seen in one view, or two, at two rig poses.
 
     Parameters
     ----------
     plane_a, plane_b : (..., 2) arrays
-        Positions on the view's ideal pinhole; they broadcast.
+        Positions on the ideal pinholes of their views; they broadcast.
+    view : int
     T_a_b : (4, 4) or (K, 4, 4) array
         Motion of the rig, or several for (N, 2) positions: the distances are (K, N) then.
+    view_b : int, optional
+        Through which b is seen, if it is another one.
     """
-    T = optics.T_view_rig[view] @ se3.inverse(T_a_b) @ optics.T_rig_view[view]
+    T = optics.T_view_rig[view if view_b is None else view_b] @ se3.inverse(T_a_b) @ optics.T_rig_view[view]
     E = se3.skew(T[..., :3, 3]) @ T[..., :3, :3]
     a, b = (
         np.concatenate([p / optics.focal, np.ones((*p.shape[:-1], 1))], axis=-1) for p in (plane_a, plane_b)
@@ -56,22 +62,52 @@ def match_along_epipolars(
         corners of all other rows count there: a pattern that repeats is mistaken for its neighbour as soon
         as that one is left out.
     """
-    sides = []
-    for view in np.intersect1d(a.views[rows_a], b.views[rows_b]).tolist():
-        in_a, in_b = np.flatnonzero(a.views == view), np.flatnonzero(b.views == view)
-        distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
-        # Bits beyond this change no match: the second best is clear of the best then.
-        alike = np.flatnonzero(distance <= config.match_distance / config.match_ratio)
-        i, j = np.divmod(alike, len(in_b))
-        error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view, T_a_b, optics)
-        i, j = (side[np.abs(error) <= gate] for side in (i, j))
-        sides.append((in_a[i], in_b[j], distance[i, j]))
+    views = np.intersect1d(a.views[rows_a], b.views[rows_b]).tolist()
+    sides = [_candidates(a, v, b, v, T_a_b, gate, optics, config) for v in views]
+    return _unmistakable(sides, rows_a, rows_b, config)
+
+
+def match_across_views(
+    corners: Corners, rows: Index, gate: float, optics: Optics, config: SlamConfig
+) -> tuple[Index, Index]:
+    """Match rows of a frame's corners between its views that overlap; as `match_along_epipolars`."""
+    sides = [
+        _candidates(corners, v, corners, w, np.eye(4), gate, optics, config) for v, w in optics.overlapping
+    ]
+    return _unmistakable(sides, rows, rows, config)
+
+
+def _candidates(
+    a: Corners,
+    view_a: int,
+    b: Corners,
+    view_b: int,
+    T_a_b: Array,
+    gate: float,
+    optics: Optics,
+    config: SlamConfig,
+) -> Candidates:
+    """Corners of two views that look somewhat alike and lie on each other's epipolar lines."""
+    in_a, in_b = np.flatnonzero(a.views == view_a), np.flatnonzero(b.views == view_b)
+    distance = hamming(a.descriptors[in_a], b.descriptors[in_b])
+    # Bits beyond this change no match: the second best is clear of the best then.
+    alike = np.flatnonzero(distance <= config.match_distance / config.match_ratio)
+    i, j = np.divmod(alike, max(len(in_b), 1))
+    error = epipolar_error(a.plane[in_a[i]], b.plane[in_b[j]], view_a, T_a_b, optics, view_b)
+    i, j = (side[np.abs(error) <= gate] for side in (i, j))
+    return in_a[i], in_b[j], distance[i, j]
+
+
+def _unmistakable(
+    sides: list[Candidates], rows_a: Index, rows_b: Index, config: SlamConfig
+) -> tuple[Index, Index]:
+    """Rows of candidates that are each other's best, and clearly better than the second best."""
     if not sides:
         return rows_a[:0], rows_b[:0]
-    a_rows, b_rows, bits = (np.concatenate(side) for side in zip(*sides))
-    matched = _clearly_best(a_rows, bits, config) & _clearly_best(b_rows, bits, config)
-    matched &= np.isin(a_rows, rows_a) & np.isin(b_rows, rows_b)
-    return a_rows[matched], b_rows[matched]
+    a, b, bits = (np.concatenate(side) for side in zip(*sides))
+    matched = _clearly_best(a, bits, config) & _clearly_best(b, bits, config)
+    matched &= np.isin(a, rows_a) & np.isin(b, rows_b)
+    return a[matched], b[matched]
 
 
 def _clearly_best(corner: Index, bits: NDArray[np.int32], config: SlamConfig) -> NDArray[np.bool_]:
