@@ -13,8 +13,8 @@ from facetcam.slam.camera.frame import Frame
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
-from facetcam.slam.mapping.starter import Starter
-from facetcam.slam.relative_pose.two_frames import MIN_MATCHES, START_GATE
+from facetcam.slam.mapping.starter import Starter, least_pairs
+from facetcam.slam.relative_pose.two_frames import START_GATE
 from facetcam.slam.tracking.fix import Fix
 from facetcam.slam.tracking.motion import Start
 
@@ -54,7 +54,7 @@ class Resumer:
 
     def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool) -> Start | None:
         """Take one more frame of a lost rig; returns the start beside the map once there is one."""
-        if len(self._corners(frame)) < MIN_MATCHES:
+        if len(self._corners(frame)) < least_pairs(odometry):
             self.forget()
             return None
         self._in_vain += 1

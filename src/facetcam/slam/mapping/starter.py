@@ -22,6 +22,7 @@ from facetcam.slam.relative_pose.following import Links, follow
 from facetcam.slam.relative_pose.measured_motion import Measured
 from facetcam.slam.relative_pose.pairs import Pairs, in_sight
 from facetcam.slam.relative_pose.two_frames import (
+    MIN_CONFIRMING,
     MIN_MATCHES,
     STANDING,
     START_GATE,
@@ -44,6 +45,11 @@ _LONG = 8  # waiting frames from which the middle one is tried as the first, too
 _LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
+
+
+def least_pairs(odometry: Array | None) -> int:
+    """Corners without which a frame cannot start anything."""
+    return MIN_MATCHES if odometry is None else MIN_CONFIRMING
 
 
 class Starter:
@@ -92,7 +98,8 @@ class Starter:
             start = self._start(0, pairs, showing)
             if start is not None:
                 return start
-            usable = len(pairs) >= MIN_MATCHES and in_sight(self._corners(self._waiting[0].frame), pairs)
+            enough = len(pairs) >= least_pairs(odometry)
+            usable = enough and in_sight(self._corners(self._waiting[0].frame), pairs)
             if usable and len(self._waiting) <= _MAX_WAITING:
                 break
             self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]

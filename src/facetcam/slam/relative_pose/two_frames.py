@@ -19,7 +19,8 @@ from facetcam.slam.relative_pose.witnesses import dissenting, shares
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-MIN_MATCHES = 60
+MIN_MATCHES = 60  # pairs that tell a motion by themselves
+MIN_CONFIRMING = 40  # and that confirm one which wheels have told
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _LEAST_GOOD = 30  # pairs with parallax that fit a motion
 _BEARING_OUT = 12  # of other views
@@ -32,7 +33,6 @@ _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a mo
 _AGREEING_ROUNDS = 2
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
 STANDING = 1e-4  # metres
-_MIN_CONFIRMING = 40  # pairs, fewer than a motion needs that the images alone have told
 _CONFIRMING = 0.7  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
 _MOST_ASIDE = 0.3  # radians by which they may correct its direction
@@ -51,7 +51,7 @@ def enough_parallax(
     rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
     rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
     good = Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE)
-    return good.sum() >= _MIN_CONFIRMING and _borne_out(good, several)
+    return good.sum() >= MIN_CONFIRMING and _borne_out(good, several)
 
 
 def _borne_out(good: Index, several: bool) -> bool:
@@ -158,7 +158,7 @@ def confirmed_motion(pairs: Pairs, measured: Measured, optics: Optics) -> Array 
     cannot tell them. A wall that one view sees moves alike whether the rig goes along it or turns.
     """
     T_a_b, pairs = measured.T_a_b, pairs.without(standing_views(pairs))
-    if len(pairs) < _MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
+    if len(pairs) < MIN_CONFIRMING or np.linalg.norm(T_a_b[:3, 3]) < STANDING:
         return T_a_b
     turned = np.stack([polished(T, pairs, optics, measured) for T in _turned_otherwise(pairs, T_a_b, optics)])
     best = turned[int(np.argmin(pairs.misfit(turned, optics) + measured.misfit(turned)))]
