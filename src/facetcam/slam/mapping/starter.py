@@ -161,9 +161,9 @@ class Starter:
                     yield T
                 elif np.linalg.norm(T[:3, 3]) > STANDING:
                     return  # both say the same, and too little yet
-            if self._wheels_proven:
-                return
         seen = estimate_motion(pairs, self._optics, len(np.setdiff1d(showing, standing_views(pairs))) > 1)
+        if seen is not None and measured is not None and self._wheels_proven:
+            seen = _of_its_length(seen, measured.T_a_b)
         if seen is not None:
             yield seen
 
@@ -210,3 +210,10 @@ def _contradicted(T_a_b: Array, measured: Measured | None) -> bool:
     if measured is None or np.linalg.norm(measured.T_a_b[:3, 3]) < STANDING:
         return False
     return not much_alike(T_a_b, measured.T_a_b)
+
+
+def _of_its_length(T_seen: Array, T_wheels: Array) -> Array | None:
+    """A motion that sight has told, as long as proven wheels say; None where they say something else."""
+    T, length = T_seen.copy(), np.linalg.norm(T_wheels[:3, 3])
+    T[:3, 3] *= length / np.linalg.norm(T_seen[:3, 3])
+    return T if length > STANDING and much_alike(T, T_wheels) else None

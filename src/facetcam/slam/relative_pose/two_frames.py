@@ -29,6 +29,7 @@ _TWIST_STEP = 1e-6  # radians, metres
 _SETTLED = 1e-5  # of the squared errors, by which a step must lessen them to be worth another
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
+_FITTING_BOTH = 0.55  # and where each of two views has enough that tell it
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
 _MOVING = 0.5  # share of a view's pairs, below which it seems to stand
@@ -101,8 +102,9 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
-    fitting = float(np.mean(agreeing.fit(best, optics)))
-    return best if fitting > _FITTING and good.sum() >= _LEAST_GOOD and borne_out else None
+    told_twice = np.count_nonzero(good >= _LEAST_GOOD) >= 2
+    fits = np.mean(agreeing.fit(best, optics)) > (_FITTING_BOTH if told_twice else _FITTING)
+    return best if fits and good.sum() >= _LEAST_GOOD and borne_out else None
 
 
 def _most_agreed(pairs: Pairs, proposal: Array, optics: Optics) -> tuple[Array, Pairs, Array]:
