@@ -68,12 +68,15 @@ KeypointRows detect(const Image& image, const std::optional<Mask>& mask, const T
     return to_numpy<KeypointRows>(std::move(rows), {found.size(), 6});
 }
 
-TableOut transfer_table(const Image& image, const std::optional<Mask>& mask, double eta) {
+TableOut transfer_table(const Image& image, const std::optional<Mask>& mask, double eta,
+                        std::optional<double> black) {
     std::vector<std::int16_t> table;
     {
         nb::gil_scoped_release release;
         const ImageView view = view_of(image);
-        table = log_table(view.type, measure_light(view, view_of(mask)), eta);
+        LightLevels light = measure_light(view, view_of(mask));
+        light.black = std::min(black.value_or(light.black), light.median);
+        table = log_table(view.type, light, eta);
     }
     const std::size_t n = table.size();
     return to_numpy<TableOut>(std::move(table), {n});
@@ -130,6 +133,7 @@ void bind_features(nb::module_& m) {
           "oriented"_a, "threads"_a, "isa"_a = -1,
           "Robust corners as rows (x, y, size, angle, response, level), strongest first.");
     m.def("transfer_table", &transfer_table, "image"_a.noconvert(), "mask"_a.noconvert().none(), "eta"_a,
+          "black"_a = nb::none(),
           "Light-compensating logarithm for every grey value of an 8 or 16 bit image.");
     m.def(
         "best_isa", [] { return static_cast<int>(best_isa()); },

@@ -301,3 +301,31 @@ def test_matching_nothing_gives_nothing() -> None:
         match_windowed(floats, [[0, 0]], [0], floats, [[0, 0]], [0], 5.0)
     with pytest.raises(FacetcamError, match="radius"):
         match_windowed(one, [[0, 0]], [0], one, [[0, 0]], [0], float("nan"))
+
+
+def wall_beside_the_dark() -> tuple[np.ndarray, np.ndarray]:
+    """Faint patches on a bright wall, which the mask shows, and beside it two hundredths of grey value 10."""
+    rng = np.random.default_rng(5)
+    faint = cv2.resize(rng.uniform(120.0, 180.0, (20, 25)), (250, 200), interpolation=cv2.INTER_NEAREST)
+    image = np.rint(cv2.GaussianBlur(faint, (0, 0), 1.2)).astype(np.uint8)
+    image[:4] = 10
+    mask = np.ones(image.shape, np.bool_)
+    mask[:24] = False
+    return image, mask
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32])
+def test_black_is_the_darkest_hundredth_where_it_is_not_given(dtype: type) -> None:
+    unit = 257 if dtype is np.uint16 else 1
+    image = wall_beside_the_dark()[0].astype(dtype) * dtype(unit)
+    unknown, given = (
+        SIICF.create(threshold=0.003, black=black).detect(image) for black in (None, 10.0 * unit)
+    )
+    assert len(given) > 100
+    np.testing.assert_allclose(unknown.xy, given.xy, atol=1e-3)
+
+
+def test_a_wall_that_is_all_the_mask_shows_has_more_contrast_than_beside_the_dark() -> None:
+    image, mask = wall_beside_the_dark()
+    alone, beside = (SIICF.create(black=black).detect(image, mask) for black in (None, 10.0))
+    assert len(alone) > 100 and len(beside) < 10

@@ -24,10 +24,11 @@ def optics() -> Optics:
 
 @pytest.fixture(scope="module")
 def plain_room(optics: Optics) -> NDArray[np.float64]:
-    """Faint, soft patches on bright walls."""
+    """Faint, soft patches on bright walls, and a few things that are dark."""
     rng = np.random.default_rng(3)
     height, width = optics.mask.shape
-    coarse = rng.uniform(150.0, 165.0, (height // 12, width // 12))
+    coarse = rng.uniform(130.0, 180.0, (height // 12, width // 12))
+    coarse[rng.random(coarse.shape) < 0.03] = 20.0
     image = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
     return np.asarray(cv2.GaussianBlur(image, (0, 0), 1.5) + rng.normal(0.0, 0.3, image.shape))
 
@@ -63,7 +64,7 @@ def test_a_view_in_a_tenth_of_the_light_keeps_its_corners(
     contrasty = 150.0 + 4.0 * (plain_room - 150.0)
     dim = np.where(optics.rig.labels() == 1, 0.1 * contrasty, contrasty)
     before, after = corners_of(optics, contrasty), corners_of(optics, dim)
-    assert share_kept(before, after, 1) > 0.5  # grey values are whole numbers
+    assert share_kept(before, after, 1) > 0.6  # grey values are whole numbers
     assert share_kept(before, after, 0) > 0.95
 
 

@@ -11,6 +11,7 @@ from slam_worlds import folded
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
+from facetcam.slam.mapping.trial import Trial
 from facetcam.slam.parts import Parts
 
 N = 46  # points, of which view 1 shows 40 and view 0 the rest
@@ -31,7 +32,7 @@ def dropped(frames: int, lacking: list[int]) -> list[int]:
     parts.mapper.drop = lambda given: rows.append(np.flatnonzero(given))  # type: ignore[method-assign]
     seen = np.setdiff1d(ids, lacking)
     fix = SimpleNamespace(predictions=SimpleNamespace(point=ids), seen=SimpleNamespace(point=seen))
-    parts.starter._drop_rare([cast(Any, fix)] * frames)
+    Trial(parts.map, parts.mapper, parts.tracker)._drop_rare([cast(Any, fix)] * frames)
     return cast(list[int], rows[0].tolist())
 
 
@@ -60,12 +61,12 @@ def test_frames_from_before_the_map_are_sought_where_the_rig_came_from() -> None
         sought[frame.timestamp] = predicted[0]
         return SimpleNamespace(clear=frame.timestamp > 0.45, T_world_rig=se3.exp(frame.timestamp * twist))
 
-    starter = Parts.assemble(folded(), SlamConfig()).starter
-    starter._tracker = cast(Any, SimpleNamespace(find=find))
+    parts = Parts.assemble(folded(), SlamConfig())
+    trial = Trial(parts.map, parts.mapper, cast(Any, SimpleNamespace(find=find)))
     times = (0.1, 0.3, 0.4, 0.5, 0.6, 0.8)  # one frame is missing
     passed = [SimpleNamespace(frame=SimpleNamespace(timestamp=t)) for t in times]
     a, b = (Keyframe(k, t, se3.exp(t * twist), cast(Any, None), None, None) for k, t in enumerate((0.9, 1.4)))
-    solved = starter._before(a, b, cast(Any, passed))
+    solved = trial.before(a, b, cast(Any, passed))
     assert [time for time, _ in solved] == [0.8, 0.6, 0.5]
     assert sorted(sought) == [0.4, 0.5, 0.6, 0.8]  # the first one that is not clear ends it
     for time, T in sought.items():

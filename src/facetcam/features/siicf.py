@@ -32,6 +32,7 @@ _LIMITS = {
     "threshold": (0.0, np.inf),
     "spread": (0, 1e6),
     "eta": (1, 1e6),
+    "black": (-1e6, 1e6),
     "window": (0.85, 4.0),
     "coarse_weight": (0.0, 10.0),
     "compression": (0.0, 1.0),
@@ -68,6 +69,9 @@ class SIICFOptions:
     eta : float
         Robust: intensity added inside the logarithm, where the median grey value is 64; more damps dark
         noise. The slope at the median, and with it the meaning of the threshold, does not depend on it.
+    black : float or None
+        Robust: grey value of no light; None takes the darkest hundredth of the pixels that may hold corners.
+        Give it where these show but a part of the picture: a bare wall has nothing dark.
     window : float
         Robust: Gaussian over the products of gradients (integration scale), pixels of the octave.
     coarse_weight : float
@@ -99,6 +103,7 @@ class SIICFOptions:
     threshold: float | None = None
     spread: int = 0
     eta: float = 64.0
+    black: float | None = None
     window: float = 1.5
     coarse_weight: float = 1.0
     compression: float = 0.05
@@ -154,9 +159,9 @@ class SIICF(Detector):
         options = self.options
         alpha, threshold = options.measure()
         if grey.dtype == np.float32:
-            grey, table = _log_of_floats(grey, mask, options.eta), _NO_TABLE
+            grey, table = _log_of_floats(grey, mask, options.eta, options.black), _NO_TABLE
         else:
-            table = _core.transfer_table(grey, mask, options.eta)
+            table = _core.transfer_table(grey, mask, options.eta, options.black)
         rows = _core.detect_corners(
             grey,
             mask,
@@ -178,13 +183,14 @@ class SIICF(Detector):
         return Keypoints.from_rows(rows)
 
 
-def _log_of_floats(grey: Image, mask: Mask | None, eta: float) -> Image:
+def _log_of_floats(grey: Image, mask: Mask | None, eta: float, black: float | None) -> Image:
     """Do to float images what `_core.transfer_table` does to grey values; the range stands for 255 steps."""
     seen = grey if mask is None else grey[mask > 0]
     unit = float(np.ptp(seen)) / 255.0 if seen.size else 0.0
     if unit == 0.0:
         return np.zeros(grey.shape, np.int16)
-    black, median = np.quantile(seen, (0.01, 0.5))
+    darkest, median = np.quantile(seen, (0.01, 0.5))
+    black = min(darkest if black is None else black, median)
     lit = np.maximum(64.0 * (grey.astype(np.float64) - black) / (median - black + unit), 1.0 - eta) + eta
     slope = 0.5 * (1.0 + eta / 64.0)
     values = _VALUE_UNIT * (slope * np.log(lit / eta) - _MIDDLE)

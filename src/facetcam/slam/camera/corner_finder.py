@@ -16,14 +16,15 @@ from facetcam.slam.camera.optics import Optics
 
 _LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
 _AROUND = 32  # px round a view that a detector sees, too
+_SAMPLED = 4  # px between those that tell how dark a frame is
 _GRID = 8  # px: boxes begin where pixels of the coarsest octave do
 
 
 class Features(Protocol):
     """Finds corners and describes them by 256 bits."""
 
-    def detect(self, image: Image, mask: Image) -> Keypoints:
-        """Corners of a grey image (H, W) where the mask is set."""
+    def detect(self, image: Image, mask: Image, black: float) -> Keypoints:
+        """Corners of a grey image (H, W) where the mask is set; `black` is the grey value of no light."""
 
     def describe(
         self, image: Image, keypoints: Keypoints, flipped: bool
@@ -38,13 +39,13 @@ class SiicfFeatures:
     """The front end: SIICF corners described by TEBLID."""
 
     def __init__(self, max_features: int, cell: int) -> None:
-        self._detector = SIICF.create(
+        self._options = SIICF.Options(
             max_features=max_features, spread=cell, threshold=_LEAST_RESPONSE, oriented=False
         )
 
-    def detect(self, image: Image, mask: Image) -> Keypoints:
+    def detect(self, image: Image, mask: Image, black: float) -> Keypoints:
         """Corners of an image where the mask is set."""
-        return self._detector.detect(image, mask)
+        return SIICF(replace(self._options, black=black)).detect(image, mask)
 
     def describe(
         self, image: Image, keypoints: Keypoints, flipped: bool
@@ -55,24 +56,23 @@ class SiicfFeatures:
 
 @dataclass(frozen=True, slots=True)
 class Pane:
-    """The part of the frame that shows a view, and what looks for corners there.
-
-    Attributes
-    ----------
-    box : (slice, slice)
-        Rows and columns of the frame.
-    mask : (H, W) uint8 array
-        Not zero at the valid pixels of the view in the box.
-    features : Features
-    """
+    """The rows and columns of the frame that show a view, and a mask (H, W) of its valid pixels there."""
 
     box: tuple[slice, slice]
     mask: Image
-    features: Features
 
-    def detect(self, grey: Image) -> Keypoints:
-        """Corners of a whole frame in this view: its own light alone tells what is dark there."""
-        found = self.features.detect(grey[self.box], self.mask)
+    @classmethod
+    def of(cls, shown: NDArray[np.bool_]) -> Pane:
+        """The pane of the pixels that show a view, with some around them."""
+        lines = [np.flatnonzero(shown.any(axis=axis)) for axis in (1, 0)]
+        first, last = np.array([(line[0] - _AROUND, line[-1] + 1 + _AROUND) for line in lines]).T
+        first, last = _GRID * (np.maximum(first, 0) // _GRID), _GRID * -(-last // _GRID)
+        box = slice(first[0], last[0]), slice(first[1], last[1])
+        return cls(box, shown[box].view(np.uint8))
+
+    def corners(self, grey: Image, black: float, features: Features) -> Keypoints:
+        """Corners of a whole frame in this view, by its own light."""
+        found = features.detect(grey[self.box], self.mask, black)
         rows, columns = self.box
         return replace(found, xy=found.xy + np.array([columns.start, rows.start], np.float32))
 
@@ -87,23 +87,19 @@ class CornerFinder:
     ----------
     optics : Optics
     max_features : int
-        Over all views, each of which has a share by its pixels.
+        Over all views.
     front_end : FrontEnd
     """
 
     def __init__(self, optics: Optics, max_features: int, front_end: FrontEnd = SiicfFeatures) -> None:
         self._optics = optics
         self._one_at_a_time = threading.Lock()  # two threads may ask for the same frame
+        self._most = max_features
         # Cells of about nine corners: every part of every view has some, and no blank wall has many.
-        density = max_features / np.count_nonzero(optics.mask)
-        cell = int(3 / np.sqrt(density))
-        self._describing = front_end(max_features, cell)
-        self._panes = []
-        for view in range(optics.n_views):
-            own = optics.labels == view
-            if share := round(density * np.count_nonzero(own)):
-                box = _box_round(own)
-                self._panes.append(Pane(box, own[box].view(np.uint8), front_end(share, cell)))
+        self._cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / max_features))
+        self._features = front_end(max_features, self._cell)
+        shown = [optics.labels == view for view in range(optics.n_views)]
+        self._panes = [Pane.of(own) for own in shown if own.any()]
 
     def __call__(self, frame: Frame) -> Corners:
         """Corners of the frame, found once and kept with it."""
@@ -112,14 +108,17 @@ class CornerFinder:
 
     def _find(self, frame: Frame) -> Corners:
         if frame.corners is None:
-            keypoints = Keypoints.joined([pane.detect(frame.grey) for pane in self._panes])
-            corners = self._describe(frame.grey, keypoints)
+            black = _black_level(frame.grey, self._optics.mask)
+            found = Keypoints.joined([p.corners(frame.grey, black, self._features) for p in self._panes])
+            views = self._optics.view_of(found.xy.astype(np.float64))
+            chosen = _best_of_cells(found, views, self._cell, self._most)
+            corners = self._describe(frame.grey, found[chosen], views[chosen])
             frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
             frame.corners, frame.image = corners, None
         return frame.corners
 
-    def _describe(self, grey: Image, keypoints: Keypoints) -> Corners:
-        parts, views = [], self._optics.view_of(keypoints.xy.astype(np.float64))
+    def _describe(self, grey: Image, keypoints: Keypoints, views: NDArray[np.int8]) -> Corners:
+        parts = []
         for flipped in (False, True):
             chosen = np.isin(views, np.flatnonzero(self._optics.flipped == flipped))
             if not chosen.any():
@@ -127,7 +126,7 @@ class CornerFinder:
             xy = keypoints.xy[chosen].astype(np.float64)
             roll = self._optics.upright_degrees(xy, views[chosen]).astype(np.float32)
             upright = replace(keypoints[chosen], angle=roll)
-            kept, descriptors = self._describing.describe(grey, upright, flipped)
+            kept, descriptors = self._features.describe(grey, upright, flipped)
             xy = kept.xy.astype(np.float64)
             parts.append((xy, self._optics.view_of(xy), descriptors))
         if not parts:
@@ -136,12 +135,20 @@ class CornerFinder:
         return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
 
 
-def _box_round(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Rows and columns of a mask that is not empty, and of some pixels around it."""
-    lines = [np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0)]
-    first, last = np.array([(line[0] - _AROUND, line[-1] + 1 + _AROUND) for line in lines]).T
-    first, last = _GRID * (np.maximum(first, 0) // _GRID), _GRID * -(-last // _GRID)
-    return slice(first[0], last[0]), slice(first[1], last[1])
+def _best_of_cells(found: Keypoints, views: NDArray[np.int8], cell: int, count: int) -> NDArray[np.int64]:
+    """Rows of so many keypoints: the best of every cell of every view, then every second best, and so on."""
+    column, row = (found.xy // cell).astype(np.int64).T
+    home = (views.astype(np.int64) << 32) + (row << 16) + column
+    order = np.lexsort((-found.response, home))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order)) - np.searchsorted(home[order], home[order])
+    return np.sort(np.lexsort((-found.response, rank))[:count])
+
+
+def _black_level(grey: Image, mask: Image) -> float:
+    """Darkest hundredth of a frame's valid pixels: what it calls no light, whichever view shows some."""
+    some = grey[::_SAMPLED, ::_SAMPLED][mask[::_SAMPLED, ::_SAMPLED] > 0]
+    return float(np.searchsorted(np.cumsum(np.bincount(some)), 0.01 * len(some)))
 
 
 def colours(image: NDArray[np.generic], pixels: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -128,7 +128,7 @@ class Starter:
         measured = self._measured(first, new)
         a = self._first_keyframe(first, self._config.gate, standing_views(self._pairs(-2)))
         predicted = a.T_world_rig if measured is None else a.T_world_rig @ measured.T_a_b
-        fix = None if self._too_few_or_far(a) else self._tracker.find(new.frame, predicted)
+        fix = None if self._too_few_or_far(a, MIN_MATCHES) else self._tracker.find(new.frame, predicted)
         if not is_clear(fix) or _contradicted(se3.inverse(a.T_world_rig) @ fix.T_world_rig, measured):
             self._map.clear()
             return None
@@ -191,7 +191,7 @@ class Starter:
         b = self._mapper.insert(new.frame, T_world_new, Measurements.none(), new.odometry, START_GATE, aside)
         self._mapper.seek_scale()
         solved, share = self._trial.between(a, b, waiting)
-        if self._too_few_or_far(a) or share < _LEAST_CLEAR:
+        if self._too_few_or_far(a, MIN_MATCHES // 2) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
         solved += self._trial.before(a, b, passed)
@@ -199,10 +199,10 @@ class Starter:
         T_step = se3.inverse(interpolated(a, b, before)) @ b.T_world_rig
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
 
-    def _too_few_or_far(self, a: Keyframe) -> bool:
+    def _too_few_or_far(self, a: Keyframe, least: int) -> bool:
         xyz = self._map.points.xyz[self._map.points.alive]
         distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
-        return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
+        return len(xyz) < least or float(np.median(distance)) > _FARTHEST
 
 
 def _contradicted(T_a_b: Array, measured: Measured | None) -> bool:

@@ -96,6 +96,7 @@ class Trial:
 
 
 def is_clear(fix: Fix | None) -> TypeGuard[Fix]:
+    """Tell whether a frame was found in the map beyond doubt."""
     return fix is not None and fix.clear
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -102,7 +104,8 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
-    told_twice = np.count_nonzero(good >= _LEAST_GOOD) >= 2
+    telling = combinations(np.flatnonzero(good >= _LEAST_GOOD).tolist(), 2)
+    told_twice = any(views not in optics.overlapping for views in telling)  # else they see the same things
     fits = np.mean(agreeing.fit(best, optics)) > (_FITTING_BOTH if told_twice else _FITTING)
     return best if fits and good.sum() >= _LEAST_GOOD and borne_out else None
 
