@@ -88,7 +88,7 @@ class Mapper:
                 with lock:
                     self._triangulator.in_time(keyframe, partner, gate)
         with lock:
-            self._triangulator.across_views(keyframe, gate)
+            self._triangulator.across_views(keyframe)
         for other in window:
             with lock:
                 self._triangulator.refind(keyframe, other)

@@ -126,7 +126,7 @@ class Starter:
             return None
         first, new = self._waiting[-2:]
         measured = self._measured(first, new)
-        a = self._first_keyframe(first, self._config.gate, standing_views(self._pairs(-2)))
+        a = self._first_keyframe(first, standing_views(self._pairs(-2)))
         predicted = a.T_world_rig if measured is None else a.T_world_rig @ measured.T_a_b
         fix = None if self._too_few_or_far(a, MIN_MATCHES) else self._tracker.find(new.frame, predicted)
         if not is_clear(fix) or _contradicted(se3.inverse(a.T_world_rig) @ fix.T_world_rig, measured):
@@ -174,9 +174,10 @@ class Starter:
         T, covariance = planar_motion(first.odometry, new.odometry, self._config.odometry_sigma)
         return Measured(T, np.sqrt(np.diag(covariance)[:3]))
 
-    def _first_keyframe(self, first: Waiting, gate: float, aside: Index = _NONE) -> Keyframe:
+    def _first_keyframe(self, first: Waiting, aside: Index = _NONE) -> Keyframe:
         origin = np.eye(4) if first.odometry is None else planar_pose(first.odometry)
-        return self._mapper.insert(first.frame, origin, Measurements.none(), first.odometry, gate, aside)
+        nothing = Measurements.none()
+        return self._mapper.insert(first.frame, origin, nothing, first.odometry, START_GATE, aside)
 
     def _first_map(
         self, passed: list[Waiting], waiting: list[Waiting], T_first_new: Array, aside: Index
@@ -186,7 +187,7 @@ class Starter:
         What stands in both has no depth, or is no part of the world: views set `aside` give no points.
         """
         first, new = waiting[0], waiting[-1]
-        a = self._first_keyframe(first, START_GATE)
+        a = self._first_keyframe(first)
         T_world_new = a.T_world_rig @ T_first_new
         b = self._mapper.insert(new.frame, T_world_new, Measurements.none(), new.odometry, START_GATE, aside)
         self._mapper.seek_scale()

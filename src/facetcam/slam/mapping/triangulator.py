@@ -41,12 +41,11 @@ class Triangulator:
         )
         self._add(new, a, old, b, gate)
 
-    def across_views(self, keyframe: Keyframe, gate: float) -> None:
+    def across_views(self, keyframe: Keyframe) -> None:
         """Match the free corners of views that overlap, which have a depth though the rig stands or turns."""
-        a, b = match_across_views(
-            keyframe.corners, np.flatnonzero(keyframe.free), gate, self._optics, self._config
-        )
-        self._add(keyframe, a, keyframe, b, gate)
+        free = np.flatnonzero(keyframe.free)
+        a, b = match_across_views(keyframe.corners, free, self._optics, self._config)
+        self._add(keyframe, a, keyframe, b, self._config.gate)
 
     def _add(self, new: Keyframe, a: Index, old: Keyframe, b: Index, gate: float) -> None:
         """Add those pairs of corners as map points whose rays meet, and which look alike."""

@@ -68,12 +68,11 @@ def match_along_epipolars(
 
 
 def match_across_views(
-    corners: Corners, rows: Index, gate: float, optics: Optics, config: SlamConfig
+    corners: Corners, rows: Index, optics: Optics, config: SlamConfig
 ) -> tuple[Index, Index]:
     """Match rows of a frame's corners between its views that overlap; as `match_along_epipolars`."""
-    sides = [
-        _candidates(corners, v, corners, w, np.eye(4), gate, optics, config) for v, w in optics.overlapping
-    ]
+    here, gate = np.eye(4), config.gate
+    sides = [_candidates(corners, v, corners, w, here, gate, optics, config) for v, w in optics.overlapping]
     return _unmistakable(sides, rows, rows, config)
 
 
