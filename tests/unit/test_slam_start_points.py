@@ -6,11 +6,13 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 from slam_worlds import folded
 
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
+from facetcam.slam.mapping.starter import _of_its_length
 from facetcam.slam.mapping.trial import Trial
 from facetcam.slam.parts import Parts
 
@@ -71,3 +73,15 @@ def test_frames_from_before_the_map_are_sought_where_the_rig_came_from() -> None
     assert sorted(sought) == [0.4, 0.5, 0.6, 0.8]  # the first one that is not clear ends it
     for time, T in sought.items():
         np.testing.assert_allclose(T, se3.exp(time * twist), atol=1e-9)
+
+
+def test_a_motion_by_sight_is_as_long_as_proven_wheels_say_or_nothing() -> None:
+    wheels = se3.exp([0.0, 0.0, 0.1, 0.02, 0.2, 0.0])
+    seen = se3.exp([0.03, 0.02, 0.11, 0.0, 0.5, 0.02])  # a ramp, and another length
+    T = _of_its_length(seen, wheels)
+    assert T is not None
+    np.testing.assert_allclose(T[:3, :3], seen[:3, :3])
+    assert np.linalg.norm(T[:3, 3]) == pytest.approx(np.linalg.norm(wheels[:3, 3]))
+    assert np.linalg.norm(np.cross(T[:3, 3], seen[:3, 3])) < 1e-12
+    assert _of_its_length(se3.exp([0.0, 0.0, 0.1, 0.3, 0.2, 0.0]), wheels) is None  # another way
+    assert _of_its_length(seen, np.eye(4)) is None  # wheels that stand

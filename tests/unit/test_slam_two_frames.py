@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import cv2
 import numpy as np
 import pytest
@@ -253,6 +255,34 @@ def test_a_view_that_stands_or_moves_otherwise_bends_no_motion(ryu: Optics, view
         assert views_aside(lying, MOTION, ryu).tolist() == [view]
         assert_motion(estimate_motion(lying, ryu), MOTION, degrees=0.15, direction=3.0)
         assert_motion(confirmed_motion(lying, by_wheels(wheels), ryu), MOTION, degrees=0.15, direction=3.0)
+
+
+def half_wrong(optics: Optics, rng: np.random.Generator, counts: tuple[int, ...]) -> Pairs:
+    """Pairs of the motion, so many of each view, of which the motion explains little more than half."""
+    pairs = true_pairs(optics, MOTION, rng, 6000)
+    rows = [np.flatnonzero(pairs.views == view)[:count] for view, count in enumerate(counts)]
+    return spoiled(pairs.take(np.concatenate(rows)), optics, rng, 0.45, 0.3)
+
+
+def test_two_views_tell_a_motion_though_nearly_half_of_their_pairs_are_wrong(ryu: Optics) -> None:
+    for seed in range(3):
+        pairs = half_wrong(ryu, np.random.default_rng(seed), (90, 90, 90, 90))
+        assert 0.55 < pairs.fit(MOTION, ryu).mean() < 0.7
+        assert_motion(estimate_motion(pairs, ryu), MOTION, degrees=0.3, direction=4.0)
+
+
+def test_one_view_does_not_with_so_many_wrong(ryu: Optics) -> None:
+    pairs = half_wrong(ryu, np.random.default_rng(3), (200, 20, 20, 20))
+    assert pairs.fit(MOTION, ryu).mean() > 0.55
+    assert estimate_motion(pairs, ryu) is None
+
+
+def test_views_that_overlap_are_one_view_then(ryu: Optics) -> None:
+    pairs = half_wrong(ryu, np.random.default_rng(4), (130, 130))
+    assert estimate_motion(pairs, ryu) is not None
+    beside = copy.copy(ryu)
+    beside.overlapping = [(0, 1)]
+    assert estimate_motion(pairs, beside) is None
 
 
 def test_the_only_view_is_never_set_aside() -> None:
