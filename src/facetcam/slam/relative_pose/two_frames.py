@@ -28,6 +28,7 @@ _LEAST_GOOD = 30  # pairs with parallax that fit a motion
 _BEARING_OUT = 12  # of other views
 _CLEAR_SHARE = 0.5  # of a view's pairs that must show it, at the mean of the views
 _TWIST_STEP = 1e-6  # radians, metres
+_NEAREST = 0.45  # metres of the median point
 _SETTLED = 1e-5  # of the squared errors, by which a step must lessen them to be worth another
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
@@ -102,6 +103,8 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     proposal, agreeing, best = _most_agreed(pairs, proposal, optics)
     if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics) or _collapsed(best, proposal):
         return None
+    if _all_near(agreeing, best, optics):
+        return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
     telling = combinations(np.flatnonzero(good >= _LEAST_GOOD).tolist(), 2)
@@ -136,6 +139,13 @@ def _collapsed(T_a_b: Array, T_proposed: Array) -> bool:
     """Tell whether pairs drive a length to nothing, or beyond all bounds: the turn alone explains them."""
     lengths = [np.linalg.norm(T[:3, 3]) for T in (T_a_b, T_proposed)]
     return bool(max(lengths) > _MOST_COLLAPSED * min(lengths))
+
+
+def _all_near(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
+    """Tell whether a motion asks for a world so close around the rig that no robot is in it."""
+    distance = pairs.parallax(T_a_b, optics)[0][pairs.fit(T_a_b, optics)]
+    ahead = distance[distance > 0]
+    return bool(len(ahead)) and float(np.median(ahead)) < _NEAREST
 
 
 def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:

@@ -30,10 +30,19 @@ def fused(pose: Pose, T_told: Array, covariance: Array) -> Pose:
     covariance : (6, 6) array
         Of it, as a right-hand twist.
     """
-    seen = TOGETHER * pose.covariance
-    off = se3.log(se3.inverse(pose.T_world_rig) @ T_told)
-    gain = np.linalg.solve(seen + covariance, seen).T
-    if off @ np.linalg.solve(seen + covariance, off) > _CONTRADICTS:
+    if contradict(pose, T_told, covariance):
         return pose
-    T = pose.T_world_rig @ se3.exp(gain @ off)
+    seen = TOGETHER * pose.covariance
+    gain = np.linalg.solve(seen + covariance, seen).T
+    T = pose.T_world_rig @ se3.exp(gain @ _off(pose, T_told))
     return replace(pose, T_world_rig=T, covariance=(np.eye(6) - gain) @ pose.covariance)
+
+
+def contradict(pose: Pose, T_told: Array, covariance: Array) -> bool:
+    """Tell whether sight and wheels cannot both be right."""
+    off = _off(pose, T_told)
+    return bool(off @ np.linalg.solve(TOGETHER * pose.covariance + covariance, off) > _CONTRADICTS)
+
+
+def _off(pose: Pose, T_told: Array) -> Array:
+    return se3.log(se3.inverse(pose.T_world_rig) @ T_told)

@@ -11,7 +11,7 @@ from facetcam.slam.camera.frame import Frame
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.tracking.fix import Fix
-from facetcam.slam.tracking.fusion import fused
+from facetcam.slam.tracking.fusion import contradict, fused
 from facetcam.slam.tracking.keyframes import is_due, nearest_keyframe
 from facetcam.slam.tracking.motion import Motion
 from facetcam.slam.tracking.tracker import Tracker
@@ -60,20 +60,25 @@ class Localiser:
         beside = self._motion.is_beside(frame.timestamp, fix.T_world_rig, predictions)
         if not self._trust.believes(fix, self._motion.reckoned(odometry), jumps, beside):
             return None
-        fix = self._by_wheels_too(fix, odometry)
+        told = self._motion.told(odometry, self._config.odometry_sigma)
+        if told is not None:
+            fix = replace(fix, pose=fused(fix.pose, *told))
         if fix.sure or not grows or not is_due(fix, *self._nearest(fix), self._config):
             return fix
-        return self._second_look(frame, fix, velocity)
+        return self._second_look(frame, fix, velocity, told if by_wheels else None)
 
-    def _by_wheels_too(self, fix: Fix, odometry: Array | None) -> Fix:
-        told = self._motion.told(odometry, self._config.odometry_sigma)
-        return fix if told is None else replace(fix, pose=fused(fix.pose, *told))
+    def _second_look(
+        self, frame: Frame, fix: Fix, velocity: Array, told: tuple[Array, Array] | None
+    ) -> Fix | None:
+        """An unsure pose of a keyframe to be, as the corners of the last one leave it, or put it right.
 
-    def _second_look(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
-        """An unsure pose of a keyframe to be, as the corners of the last one leave it, or put it right."""
+        Corners look alike elsewhere, too: no pose is put where wheels, if they have `told`, cannot have come.
+        """
         confirmed = self._tracker.confirmed(frame, fix, velocity)
         if confirmed is None and self._map.young:
             return fix  # the whole map is doubted then
+        if confirmed is not None and told is not None and contradict(confirmed.pose, *told):
+            return fix
         if confirmed is not fix:
             self._motion.go_back(self._map.keyframes[-1])
         return confirmed
