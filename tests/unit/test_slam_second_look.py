@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -11,8 +12,11 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.pose import Pose
+from facetcam.slam.map.map import Map
 from facetcam.slam.map.measure import Measurements, Predictions
 from facetcam.slam.tracking.fix import Fix
+from facetcam.slam.tracking.localiser import Localiser
+from facetcam.slam.tracking.motion import Motion
 from facetcam.slam.tracking.relocaliser import Relocaliser
 from facetcam.slam.tracking.tracker import Tracker
 
@@ -26,7 +30,9 @@ PREDICTED, WRONG = (se3.exp([0.0, turn, 0.0, way, 0.0, 0.0]) for turn, way in ((
 def fix(T: Array, found: int, residual: float) -> Fix:
     point, view, two = np.arange(found), np.zeros(found, np.int8), np.zeros((found, 2))
     expected = Predictions(np.arange(220), np.zeros(220, np.int8), np.zeros((220, 2)), np.zeros((220, 2, 2)))
-    return Fix(Pose(T, np.eye(6), np.full(found, residual)), expected, Measurements(point, view, two, two))
+    return Fix(
+        Pose(T, 1e-6 * np.eye(6), np.full(found, residual)), expected, Measurements(point, view, two, two)
+    )
 
 
 class Scene(Tracker):
@@ -88,3 +94,28 @@ def test_what_repeats_elsewhere_does_not_win_over_a_pose_where_the_rig_should_be
 
 def test_where_nothing_says_where_the_rig_should_be_the_sharper_pose_wins() -> None:
     np.testing.assert_allclose(Carpet().chosen(), FURTHER)
+
+
+class Pane(Localiser):
+    """Corners of the last keyframe put a pose one window pane further on."""
+
+    def __init__(self) -> None:
+        self.went_back = False
+        self._tracker = cast(Tracker, SimpleNamespace(confirmed=lambda *_: fix(FURTHER, 40, 1.0)))
+        self._map = cast(Map, SimpleNamespace(young=False, keyframes=[None]))
+        self._motion = cast(Motion, SimpleNamespace(go_back=lambda _: setattr(self, "went_back", True)))
+
+    def chosen(self, told: tuple[Array, Array] | None) -> Array:
+        found = self._second_look(cast(Frame, None), fix(RIGHT, 60, 0.5), np.zeros(6), told)
+        assert found is not None
+        return found.T_world_rig
+
+
+def test_no_second_look_puts_a_pose_where_wheels_cannot_have_come() -> None:
+    doubt = np.diag([1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-2])
+    by_wheels, by_sight, slipped = Pane(), Pane(), Pane()
+    np.testing.assert_allclose(by_wheels.chosen((RIGHT, doubt)), RIGHT)
+    assert not by_wheels.went_back
+    np.testing.assert_allclose(by_sight.chosen(None), FURTHER)
+    np.testing.assert_allclose(slipped.chosen((FURTHER, doubt)), FURTHER)
+    assert by_sight.went_back and slipped.went_back

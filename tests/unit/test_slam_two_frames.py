@@ -200,6 +200,26 @@ def test_pairs_that_agree_on_nothing_give_no_motion(ryu: Optics) -> None:
     assert estimate_motion(spoiled(pairs, ryu, rng, 1.0, 0.3), ryu) is None
 
 
+@pytest.mark.parametrize(("nearness", "starts"), [(1.0, True), (0.15, False)])
+def test_a_world_of_dwarfs_starts_no_map(ryu: Optics, nearness: float, starts: bool) -> None:
+    """Points all around at 12 to 45 cm, and at the usual distances; what is small moves as much by little."""
+    rng = np.random.default_rng(31)
+    T = se3.exp([0.01, -0.01, 0.03, *(nearness * np.array([0.05, 0.2, 0.02]))])
+    rows, columns = np.nonzero(ryu.labels >= 0)
+    pick = rng.integers(0, len(rows), 900)
+    pixels, views = (
+        np.column_stack([columns[pick], rows[pick]]).astype(float),
+        ryu.labels[rows[pick], columns[pick]],
+    )
+    away = nearness * rng.uniform(0.8, 3.0, (900, 1)) * ryu.rays(pixels, views)
+    points = ryu.origins(views) + away
+    a, b = look(ryu, np.eye(4), points), look(ryu, T, points)
+    _, rows_a, rows_b = np.intersect1d(128 * a.point + a.view, 128 * b.point + b.view, return_indices=True)
+    pairs = Pairs(a.view[rows_a], a.plane[rows_a], b.plane[rows_b])
+    assert len(pairs) > 100
+    assert (estimate_motion(pairs, ryu) is not None) == starts
+
+
 def test_too_few_pairs_give_no_motion(ryu: Optics) -> None:
     pairs = true_pairs(ryu, MOTION, np.random.default_rng(30))
     few = slice(None, None, len(pairs) // MIN_MATCHES + 2)
