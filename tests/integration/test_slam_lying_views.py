@@ -1,4 +1,4 @@
-"""The film of the house with a view that lies: frozen, or full of a person who walks about."""
+"""The film of the house with views that lie, frozen or full of a person who walks about, or that are dark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from facetcam.io.odometry import read_odometry
 from facetcam.io.sources import open_source
 from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
-from facetcam.slam import Slam, Status
+from facetcam.slam import Slam, State, Status
 
 pytestmark = pytest.mark.slow
 
@@ -45,6 +45,28 @@ def person(share: float, enter: int = 0) -> Spoil:
     return spoil
 
 
+def view_pixels(house: Path, view: str) -> NDArray[np.bool_]:
+    rig = Rig.load(house / "rig_true.yaml")
+    return np.asarray(rig.labels() == list(rig.view_names).index(view))
+
+
+def filmed(
+    house: Path, spoil: Callable[[int, Image, Image], Image], with_wheels: bool, frames: int
+) -> tuple[Slam, list[State]]:
+    """What SLAM makes of the loop, each frame spoiled, given its number and the first one."""
+    wheels = read_odometry(house / "loop_odometry.csv")
+    slam, states = Slam(Rig.load(house / "rig_true.yaml")), []
+    with open_source(house / "loop.mp4", None) as film:
+        first = None
+        for k, frame in zip(range(frames), film):
+            grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
+            first = grey if first is None else first
+            odometry = wheels.at(frame.timestamp) if with_wheels else None
+            states.append(slam.track(spoil(k, grey, first), frame.timestamp, odometry))
+    slam.finish()
+    return slam, states
+
+
 @pytest.mark.parametrize(
     ("view", "spoil", "with_wheels"),
     [
@@ -60,19 +82,25 @@ def test_one_view_that_lies_bends_no_path(
     shared_data: Path, view: str, spoil: Spoil, with_wheels: bool
 ) -> None:
     house = shared_data / "house"
-    rig, wheels = Rig.load(house / "rig_true.yaml"), read_odometry(house / "loop_odometry.csv")
-    rows = rig.labels() == list(rig.view_names).index(view)
-    slam, states = Slam(rig), []
-    with open_source(house / "loop.mp4", None) as film:
-        first = None
-        for k, frame in zip(range(FRAMES), film):
-            grey = cv2.cvtColor(frame.image, cv2.COLOR_BGR2GRAY)
-            first = grey if first is None else first
-            odometry = wheels.at(frame.timestamp) if with_wheels else None
-            states.append(slam.track(spoil(k, grey, first, rows), frame.timestamp, odometry))
-    slam.finish()
+    rows = view_pixels(house, view)
+    slam, states = filmed(house, lambda k, grey, first: spoil(k, grey, first, rows), with_wheels, FRAMES)
     assert all(state.status is Status.TRACKING for state in states[60:])
     errors = evaluate(slam.trajectory(), read_tum(house / "loop.tum"), 0.02)
     assert errors.ate_scaled.rmse < 0.02
     assert errors.matched > 90
+    assert not slam.metric or abs(errors.scale_error) < 3.0 * slam.scale_sigma
+
+
+@pytest.mark.parametrize(("dark", "with_wheels"), [(("back", "left"), True), (("front", "left"), False)])
+def test_two_views_that_are_dark_leave_the_others_what_they_see(
+    shared_data: Path, dark: tuple[str, ...], with_wheels: bool
+) -> None:
+    """Their light was that of the whole frame, and hardly a corner was left in its other half."""
+    house = shared_data / "house"
+    rows = np.any([view_pixels(house, view) for view in dark], axis=0)
+    slam, states = filmed(house, lambda k, grey, first: np.where(rows, 0, grey), with_wheels, 1000)
+    tracked = [state.status is Status.TRACKING for state in states]
+    assert all(tracked[tracked.index(True) :]) and np.mean(tracked) > 0.95
+    errors = evaluate(slam.trajectory(), read_tum(house / "loop.tum"), 0.02)
+    assert errors.ate_scaled.rmse < 0.02
     assert not slam.metric or abs(errors.scale_error) < 3.0 * slam.scale_sigma

@@ -15,6 +15,7 @@ from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.relative_pose.degenerate import standing_views
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.epipolar import epipolar_error, match_along_epipolars
 from facetcam.slam.relative_pose.pairs import Pairs
@@ -22,7 +23,6 @@ from facetcam.slam.relative_pose.two_frames import (
     MIN_MATCHES,
     confirmed_motion,
     estimate_motion,
-    standing_views,
 )
 
 Array = NDArray[np.float64]

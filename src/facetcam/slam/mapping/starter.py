@@ -17,6 +17,7 @@ from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
 from facetcam.slam.mapping.trial import Trial, Waiting, interpolated, is_clear
 from facetcam.slam.odometry.planar import planar_motion, planar_pose
+from facetcam.slam.relative_pose.degenerate import standing_views
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.following import Links, follow
 from facetcam.slam.relative_pose.measured_motion import Measured
@@ -30,7 +31,6 @@ from facetcam.slam.relative_pose.two_frames import (
     enough_parallax,
     estimate_motion,
     much_alike,
-    standing_views,
 )
 from facetcam.slam.relative_pose.witnesses import shares
 from facetcam.slam.tracking.motion import Start

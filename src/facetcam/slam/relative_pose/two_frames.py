@@ -12,9 +12,10 @@ from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.relative_pose.degenerate import all_near, shows_a_way, standing_views, undecided
 from facetcam.slam.relative_pose.epipolar import match_along_epipolars
 from facetcam.slam.relative_pose.measured_motion import EPIPOLAR_SIGMA, MEASURED_SHARE, Measured
-from facetcam.slam.relative_pose.pairs import CLEAR_PARALLAX, EPIPOLAR_GATE, Pairs
+from facetcam.slam.relative_pose.pairs import EPIPOLAR_GATE, Pairs
 from facetcam.slam.relative_pose.proposals import joint_proposal, rig_motion, view_motions
 from facetcam.slam.relative_pose.witnesses import dissenting, shares
 
@@ -26,16 +27,13 @@ MIN_CONFIRMING = 40  # and that confirm one which wheels have told
 START_GATE = 8.0  # px: odometry and the first guess of the scale are rough
 _LEAST_GOOD = 30  # pairs with parallax that fit a motion
 _BEARING_OUT = 12  # of other views
-_CLEAR_SHARE = 0.5  # of a view's pairs that must show it, at the mean of the views
 _TWIST_STEP = 1e-6  # radians, metres
-_NEAREST = 0.45  # metres of the median point
 _SETTLED = 1e-5  # of the squared errors, by which a step must lessen them to be worth another
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
 _FITTING_BOTH = 0.55  # and where each of two views has enough that tell it
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
-_MOVING = 0.5  # share of a view's pairs, below which it seems to stand
 STANDING = 1e-4  # metres
 _CONFIRMING = 0.7  # share of them
 _MOST_TURNED = 0.2  # radians by which the images may correct a motion measured otherwise
@@ -65,27 +63,6 @@ def _borne_out(good: Index, several: bool) -> bool:
     return not several or bool(good.sum() - good.max() >= _BEARING_OUT)
 
 
-def standing_views(pairs: Pairs) -> Index:
-    """Views that show no motion where at least as many do: parts of the robot, or an image that is frozen.
-
-    Any translation explains pairs that do not move, so these views would bear out what they know nothing of.
-    """
-    witnesses, stand = _standing(pairs)
-    return witnesses[stand] if 2 * stand.sum() <= len(stand) else witnesses[:0]
-
-
-def _standing(pairs: Pairs) -> tuple[Index, NDArray[np.bool_]]:
-    """Views that can tell, and which of them show no motion."""
-    witnesses, share = shares(pairs.views, pairs.move())
-    return witnesses, share < _MOVING
-
-
-def _undecided(pairs: Pairs) -> bool:
-    """Tell whether as many views stand as move: images are frozen, or people walk before a rig at rest."""
-    stand = _standing(pairs)[1]
-    return bool(len(stand)) and bool(2 * stand.sum() == len(stand))
-
-
 def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Array | None:
     """Motion `T_a_b` between two frames from their corners alone, or None where they cannot tell.
 
@@ -94,16 +71,16 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     that most views bear out wins, polished without those that deny it. `several` tells that more than one
     view has something to show, though it may not be found again here.
     """
-    undecided, pairs = _undecided(pairs), pairs.without(standing_views(pairs))
-    if undecided or len(pairs) < MIN_MATCHES or not _shows_a_way(pairs, optics):
+    torn, pairs = undecided(pairs), pairs.without(standing_views(pairs))
+    if torn or len(pairs) < MIN_MATCHES or not shows_a_way(pairs, optics):
         return None
     proposal = joint_proposal(pairs, view_motions(pairs, optics), optics)
     if proposal is None:
         return None
     proposal, agreeing, best = _most_agreed(pairs, proposal, optics)
-    if len(agreeing) < MIN_MATCHES or not _shows_a_way(agreeing, optics) or _collapsed(best, proposal):
+    if len(agreeing) < MIN_MATCHES or not shows_a_way(agreeing, optics) or _collapsed(best, proposal):
         return None
-    if _all_near(agreeing, best, optics):
+    if all_near(agreeing, best, optics):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
@@ -139,19 +116,6 @@ def _collapsed(T_a_b: Array, T_proposed: Array) -> bool:
     """Tell whether pairs drive a length to nothing, or beyond all bounds: the turn alone explains them."""
     lengths = [np.linalg.norm(T[:3, 3]) for T in (T_a_b, T_proposed)]
     return bool(max(lengths) > _MOST_COLLAPSED * min(lengths))
-
-
-def _all_near(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
-    """Tell whether a motion asks for a world so close around the rig that no robot is in it."""
-    distance = pairs.parallax(T_a_b, optics)[0][pairs.fit(T_a_b, optics)]
-    ahead = distance[distance > 0]
-    return bool(len(ahead)) and float(np.median(ahead)) < _NEAREST
-
-
-def _shows_a_way(pairs: Pairs, optics: Optics) -> bool:
-    """False for a turn on the spot, and for too small a step to tell from one."""
-    share = shares(pairs.views, pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX)[1]
-    return bool(len(share) and share.mean() >= _CLEAR_SHARE)
 
 
 def _agreed(
