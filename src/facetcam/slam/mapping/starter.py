@@ -12,6 +12,7 @@ from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.map.edges import are_corners
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
@@ -121,14 +122,17 @@ class Starter:
         return shares(pairs.views, pairs.move())[0]
 
     def _start_at_once(self) -> Start | None:
-        """Start where views overlap: one frame gives its points a depth, and the next one is found there."""
+        """Start where views overlap: one frame gives its points a depth, and the next one is found there.
+
+        Two views see how far an edge is, but not along it: corners must show how the rig moves.
+        """
         if not self._optics.overlapping or len(self._waiting) < 2:
             return None
         first, new = self._waiting[-2:]
         measured = self._measured(first, new)
         a = self._first_keyframe(first, standing_views(self._pairs(-2)))
         predicted = a.T_world_rig if measured is None else a.T_world_rig @ measured.T_a_b
-        fix = None if self._too_few_or_far(a, MIN_MATCHES) else self._tracker.find(new.frame, predicted)
+        fix = self._tracker.find(new.frame, predicted) if self._has_corners() else None
         if not is_clear(fix) or _contradicted(se3.inverse(a.T_world_rig) @ fix.T_world_rig, measured):
             self._map.clear()
             return None
@@ -192,7 +196,7 @@ class Starter:
         b = self._mapper.insert(new.frame, T_world_new, Measurements.none(), new.odometry, START_GATE, aside)
         self._mapper.seek_scale()
         solved, share = self._trial.between(a, b, waiting)
-        if self._too_few_or_far(a, MIN_MATCHES // 2) or share < _LEAST_CLEAR:
+        if self._too_few_or_far(a) or share < _LEAST_CLEAR:
             self._map.clear()
             return None
         solved += self._trial.before(a, b, passed)
@@ -200,10 +204,16 @@ class Starter:
         T_step = se3.inverse(interpolated(a, b, before)) @ b.T_world_rig
         return Start(a, b, solved, T_step, new.frame.timestamp - before)
 
-    def _too_few_or_far(self, a: Keyframe, least: int) -> bool:
+    def _has_corners(self) -> bool:
+        """Tell whether enough points of the map are corners."""
+        points = self._map.points
+        corners = are_corners(points.patch[points.alive], points.offset[points.alive])
+        return int(np.count_nonzero(corners)) >= MIN_MATCHES
+
+    def _too_few_or_far(self, a: Keyframe) -> bool:
         xyz = self._map.points.xyz[self._map.points.alive]
         distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
-        return len(xyz) < least or float(np.median(distance)) > _FARTHEST
+        return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
 
 
 def _contradicted(T_a_b: Array, measured: Measured | None) -> bool:
