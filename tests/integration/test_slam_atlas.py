@@ -19,7 +19,7 @@ from facetcam.slam.map.file import read_map
 
 Image = NDArray[np.uint8]
 
-LEAVES, MEETS, FRAMES = 26, 44, 70
+LEAVES, MEETS, FRAMES = 28, 46, 72
 BLIND = 3.0  # seconds between two rooms
 LATER = range(LEAVES - 5, FRAMES)  # frames that a second run sees
 RETURNS = range(8, 18)  # frames of the first room, seen once more
