@@ -329,3 +329,12 @@ def test_a_wall_that_is_all_the_mask_shows_has_more_contrast_than_beside_the_dar
     image, mask = wall_beside_the_dark()
     alone, beside = (SIICF.create(black=black).detect(image, mask) for black in (None, 10.0))
     assert len(alone) > 100 and len(beside) < 10
+
+
+def test_keypoints_are_joined_in_their_order(scene: np.ndarray) -> None:
+    found = SIICF.create().detect(scene)
+    again = Keypoints.joined([found[:7], found[7:7], found[7:]])
+    for name in ("xy", "size", "angle", "response", "level"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+        assert getattr(again, name).dtype == getattr(found, name).dtype
+    assert len(Keypoints.joined([])) == 0

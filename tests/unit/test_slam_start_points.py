@@ -12,9 +12,11 @@ from slam_worlds import folded
 from facetcam.geometry import se3
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.points import PATCH_SIZE
 from facetcam.slam.mapping.starter import _of_its_length
 from facetcam.slam.mapping.trial import Trial
 from facetcam.slam.parts import Parts
+from facetcam.slam.relative_pose.two_frames import MIN_MATCHES
 
 N = 46  # points, of which view 1 shows 40 and view 0 the rest
 
@@ -85,3 +87,15 @@ def test_a_motion_by_sight_is_as_long_as_proven_wheels_say_or_nothing() -> None:
     assert np.linalg.norm(np.cross(T[:3, 3], seen[:3, 3])) < 1e-12
     assert _of_its_length(se3.exp([0.0, 0.0, 0.1, 0.3, 0.2, 0.0]), wheels) is None  # another way
     assert _of_its_length(seen, np.eye(4)) is None  # wheels that stand
+
+
+@pytest.mark.parametrize(("bend", "starts"), [(0, False), (1, True)])
+def test_a_map_begins_at_once_with_corners_not_with_edges(bend: int, starts: bool) -> None:
+    """Points enough, whose patches show the rim of a wall, or its corner."""
+    parts = Parts.assemble(folded(), SlamConfig())
+    points, many = parts.map.points, 2 * MIN_MATCHES
+    columns = {n: np.zeros((many, *getattr(points, n).shape[1:]), getattr(points, n).dtype) for n in POINTS}
+    columns["patch"][:, :, PATCH_SIZE // 2 :] = 180
+    columns["patch"][:, : bend * PATCH_SIZE // 2] = 0
+    points.extend(**columns)
+    assert parts.starter._has_corners() == starts

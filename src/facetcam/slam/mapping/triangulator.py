@@ -43,6 +43,8 @@ class Triangulator:
 
     def across_views(self, keyframe: Keyframe) -> None:
         """Match the free corners of views that overlap, which have a depth though the rig stands or turns."""
+        if not self._optics.overlapping:
+            return
         free = np.flatnonzero(keyframe.free)
         a, b = match_across_views(keyframe.corners, free, self._optics, self._config)
         self._add(keyframe, a, keyframe, b, self._config.gate)
