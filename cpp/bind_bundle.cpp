@@ -82,11 +82,16 @@ Vec<kShared> numbers(const SharedNumbers& from) {
 }
 
 std::vector<Observation> observations(const Indices& frame, const Indices& view, const Indices& point,
-                                      const Rows2& plane) {
+                                      const Rows2& plane, const Rows2& edge) {
     std::vector<Observation> out(frame.size());
     for (std::size_t i = 0; i < out.size(); ++i)
-        out[i] = {static_cast<int>(frame(i)), static_cast<int>(view(i)), static_cast<int>(point(i)),
-                  plane(i, 0), plane(i, 1)};
+        out[i] = {static_cast<int>(frame(i)),
+                  static_cast<int>(view(i)),
+                  static_cast<int>(point(i)),
+                  plane(i, 0),
+                  plane(i, 1),
+                  {},
+                  {{edge(i, 0), edge(i, 1)}}};
     return out;
 }
 
@@ -107,14 +112,14 @@ std::vector<Motion> motions(const Pairs& between, const Motions4& T, const Roots
 
 auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_world_rig, const Flags& fixed,
                    const Rows3& points, const Indices& frame, const Indices& view, const Indices& point,
-                   const Rows2& plane, const Pairs& between, const Motions4& T_i_j, const Roots& roots,
-                   const Widths& motion_loss_scales, const ByShared& by_shared, const SharedNumbers& shared,
-                   const SharedNumbers& shared_weight, double loss_scale, int max_iterations,
-                   double tolerance, int threads) {
+                   const Rows2& plane, const Rows2& edge, const Pairs& between, const Motions4& T_i_j,
+                   const Roots& roots, const Widths& motion_loss_scales, const ByShared& by_shared,
+                   const SharedNumbers& shared, const SharedNumbers& shared_weight, double loss_scale,
+                   int max_iterations, double tolerance, int threads) {
     const std::size_t n = frame.size(), m = between.shape(0);
     require(fixed.size() == T_world_rig.shape(0), "fixed: expected one flag a frame");
-    require(view.size() == n && point.size() == n && plane.shape(0) == n,
-            "frame, view, point, plane: expected one row an observation");
+    require(view.size() == n && point.size() == n && plane.shape(0) == n && edge.shape(0) == n,
+            "frame, view, point, plane, edge: expected one row an observation");
     require(T_i_j.shape(0) == m && roots.shape(0) == m && motion_loss_scales.size() == m,
             "between, T_i_j, roots, motion_loss_scales: expected one row a motion");
     const bool free = by_shared.shape(0) > 0;
@@ -127,7 +132,7 @@ auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_w
                   rigid(T_world_rig),
                   {},
                   {},
-                  observations(frame, view, point, plane),
+                  observations(frame, view, point, plane, edge),
                   motions(between, T_i_j, roots, motion_loss_scales),
                   loss_scale,
                   {free, numbers(shared), numbers(shared_weight)}};
@@ -149,17 +154,19 @@ auto adjust_bundle(double focal, const Motions4& T_view_rig, const Motions4& T_w
 }
 
 auto refined_pose(double focal, const Motions4& T_view_rig, const Motions4& T_world_rig, const Rows3& points,
-                  const Indices& view, const Rows2& plane, double sigma, int max_steps) {
+                  const Indices& view, const Rows2& plane, const Rows2& edge, double sigma, int max_steps) {
     const std::size_t n = points.shape(0);
     require(T_world_rig.shape(0) == 1, "T_world_rig: expected one pose");
-    require(view.size() == n && plane.shape(0) == n, "points, view, plane: expected one row an observation");
+    require(view.size() == n && plane.shape(0) == n && edge.shape(0) == n,
+            "points, view, plane, edge: expected one row an observation");
     require_below(view, T_view_rig.shape(0), "view: an index is out of range");
     const Pinholes pinholes{focal, rigid(T_view_rig)};
     std::vector<Vec3d> known(n);
     std::vector<Observation> seen(n);
     for (std::size_t i = 0; i < n; ++i) {
         known[i] = {{points(i, 0), points(i, 1), points(i, 2)}};
-        seen[i] = {0, static_cast<int>(view(i)), static_cast<int>(i), plane(i, 0), plane(i, 1)};
+        seen[i] = {0,  static_cast<int>(view(i)), static_cast<int>(i), plane(i, 0), plane(i, 1),
+                   {}, {{edge(i, 0), edge(i, 1)}}};
     }
     Rigid T = rigid(T_world_rig)[0];
     {
@@ -174,13 +181,13 @@ auto refined_pose(double focal, const Motions4& T_view_rig, const Motions4& T_wo
 void facetcam::bind_bundle(nb::module_& m) {
     m.def("adjust_bundle", &adjust_bundle, "focal"_a, "T_view_rig"_a.noconvert(), "T_world_rig"_a.noconvert(),
           "fixed"_a.noconvert(), "points"_a.noconvert(), "frame"_a.noconvert(), "view"_a.noconvert(),
-          "point"_a.noconvert(), "plane"_a.noconvert(), "between"_a.noconvert(), "T_i_j"_a.noconvert(),
-          "roots"_a.noconvert(), "motion_loss_scales"_a.noconvert(), "by_shared"_a.noconvert(),
-          "shared"_a.noconvert(), "shared_weight"_a.noconvert(), "loss_scale"_a, "max_iterations"_a,
-          "tolerance"_a, "threads"_a,
+          "point"_a.noconvert(), "plane"_a.noconvert(), "edge"_a.noconvert(), "between"_a.noconvert(),
+          "T_i_j"_a.noconvert(), "roots"_a.noconvert(), "motion_loss_scales"_a.noconvert(),
+          "by_shared"_a.noconvert(), "shared"_a.noconvert(), "shared_weight"_a.noconvert(), "loss_scale"_a,
+          "max_iterations"_a, "tolerance"_a, "threads"_a,
           "Poses (K, 4, 4), points (P, 3) and shared numbers (3,) of least cost, the cost before and after, "
           "and the iterations.");
     m.def("refine_pose", &refined_pose, "focal"_a, "T_view_rig"_a.noconvert(), "T_world_rig"_a.noconvert(),
-          "points"_a.noconvert(), "view"_a.noconvert(), "plane"_a.noconvert(), "sigma"_a, "max_steps"_a,
-          "Pose (1, 4, 4) that fits what was seen of known points.");
+          "points"_a.noconvert(), "view"_a.noconvert(), "plane"_a.noconvert(), "edge"_a.noconvert(),
+          "sigma"_a, "max_steps"_a, "Pose (1, 4, 4) that fits what was seen of known points.");
 }

@@ -18,6 +18,7 @@ struct Observation {
     int frame, view, point;
     double x, y;
     Mat<2, kShared> by_shared{};  // shift of the error, linear in the shared numbers
+    Vec<2> edge{};  // g, along the edge on which the point lies: of its error e, e - g g' e counts
 };
 
 // The shared numbers with which observations are where they are, and the weights with which they are zero.

@@ -10,6 +10,11 @@ void put(Mat<R, C>& into, int row, int column, const Mat<N, N>& block) {
         for (int j = 0; j < N; ++j) into(row + i, column + j) = block(i, j);
 }
 
+// What counts of an error whose point may slide along its edge g.
+Mat<2, 2> across(const Vec<2>& g) {
+    return {{1.0 - g[0] * g[0], -g[0] * g[1], -g[0] * g[1], 1.0 - g[1] * g[1]}};
+}
+
 Loss behind(double focal, double loss_scale) { return {cauchy(focal * focal, loss_scale).value, 0.0}; }
 
 }  // namespace
@@ -25,8 +30,8 @@ double sight_loss(const Pinholes& pinholes, const Rigid& T_rig_world, const Vec3
     const Vec3d local = pinholes.T_view_rig[static_cast<std::size_t>(seen.view)] * (T_rig_world * point);
     if (local[2] < kLeastDepth) return behind(pinholes.focal, loss_scale).value;
     const double s = pinholes.focal / local[2];
-    const double x = s * local[0] - seen.x, y = s * local[1] - seen.y;
-    return cauchy(x * x + y * y, loss_scale).value;
+    const Vec<2> error = across(seen.edge) * Vec<2>{{s * local[0] - seen.x, s * local[1] - seen.y}};
+    return cauchy(dot(error, error), loss_scale).value;
 }
 
 SightError sight_error(const Pinholes& pinholes, const Rigid& T_rig_world, const Vec3d& point,
@@ -39,9 +44,10 @@ SightError sight_error(const Pinholes& pinholes, const Rigid& T_rig_world, const
         return out;
     }
     const double s = pinholes.focal / local[2], x = s * local[0], y = s * local[1];
-    out.error = {{x - seen.x, y - seen.y}};
+    const Mat<2, 2> counts = across(seen.edge);
+    out.error = counts * Vec<2>{{x - seen.x, y - seen.y}};
     const Mat<2, 3> by_local{{s, 0, -x / local[2], 0, s, -y / local[2]}};
-    const Mat<2, 3> by_rig = by_local * T_view_rig.R;
+    const Mat<2, 3> by_rig = counts * by_local * T_view_rig.R;
     out.by_point = by_rig * T_rig_world.R;
     const Mat<2, 3> by_turn = by_rig * skew(in_rig);  // the point moves against the rig
     for (int i = 0; i < 2; ++i)

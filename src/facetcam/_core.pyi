@@ -100,6 +100,7 @@ def adjust_bundle(
     view: NDArray[np.int64],
     point: NDArray[np.int64],
     plane: NDArray[np.float64],
+    edge: NDArray[np.float64],
     between: NDArray[np.int64],
     T_i_j: NDArray[np.float64],
     roots: NDArray[np.float64],
@@ -119,6 +120,7 @@ def refine_pose(
     points: NDArray[np.float64],
     view: NDArray[np.int64],
     plane: NDArray[np.float64],
+    edge: NDArray[np.float64],
     sigma: float,
     max_steps: int,
 ) -> NDArray[np.float64]: ...

@@ -13,6 +13,7 @@ from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import Pose
+from facetcam.slam.camera.sight import Sights
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements, Predictions
@@ -61,8 +62,8 @@ def found_of(
         hit = np.isin(expected.point, there)
         return Measurements(*rows(expected.point[hit])), hit
 
-    def refine(T: np.ndarray, xyz: np.ndarray, *_: object) -> Pose:
-        return Pose(T, np.eye(6), np.full(len(xyz), 0.1))
+    def refine(T: np.ndarray, seen: Sights, *_: object) -> Pose:
+        return Pose(T, np.eye(6), np.full(len(seen.points), 0.1))
 
     for name, fake in (("predict", predict), ("measure", measure), ("refine_pose", refine)):
         monkeypatch.setattr(tracker_module, name, fake)

@@ -12,6 +12,7 @@ from facetcam.slam.adjustment.adjuster import Adjuster
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import refine_pose
+from facetcam.slam.camera.sight import Sights
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
@@ -63,6 +64,11 @@ def doubted(
     return keyframe
 
 
+def sight_of(seen: Measurements, xyz: Array, pairs: Pairs, optics: Optics) -> JointSight:
+    """Of points that are corners."""
+    return JointSight(LAST, Sights.of_corners(xyz, seen.view, seen.plane), pairs, optics, CONFIG)
+
+
 def errors(T: Array, true: Array) -> tuple[float, float]:
     """Of a pose in degrees and centimetres."""
     turn, way = np.linalg.norm(se3.log(se3.inverse(true) @ T).reshape(2, 3), axis=1)
@@ -78,10 +84,9 @@ def test_corners_of_all_views_put_a_bent_pose_right(name: str, seed: int) -> Non
     seen, xyz = few_points(optics, true, rng, 20)
     bent = se3.transform(wrong @ se3.inverse(true), xyz)
     pairs = spoiled(true_pairs(optics, MOTION, rng, 250), optics, rng, 0.3, 0.5)
-    T = JointSight(LAST, seen, bent, pairs, optics, CONFIG).refined_pose(wrong)
-    alone = errors(
-        refine_pose(wrong, bent, seen.view, seen.plane, optics, CONFIG.pixel_sigma).T_world_rig, true
-    )
+    T = sight_of(seen, bent, pairs, optics).refined_pose(wrong)
+    sights = Sights.of_corners(bent, seen.view, seen.plane)
+    alone = errors(refine_pose(wrong, sights, optics, CONFIG.pixel_sigma).T_world_rig, true)
     turn, way = errors(T, true)
     assert turn < 0.6 * alone[0]
     assert way < 0.7 * alone[1]
@@ -102,8 +107,9 @@ def test_many_points_hold_their_pose(name: str) -> None:
     lying = true_pairs(optics, MOTION @ se3.exp([0, 0, 0.03, 0.1, 0, 0]), rng, 400)
     lying = lying.take(lying.views == 1)
     every = together(pairs, lying)
-    before = errors(refine_pose(true, xyz, seen.view, plane, optics, CONFIG.pixel_sigma).T_world_rig, true)
-    after = errors(JointSight(LAST, seen, xyz, every, optics, CONFIG).refined_pose(true @ ASTRAY), true)
+    sights = Sights.of_corners(xyz, seen.view, plane)
+    before = errors(refine_pose(true, sights, optics, CONFIG.pixel_sigma).T_world_rig, true)
+    after = errors(sight_of(seen, xyz, every, optics).refined_pose(true @ ASTRAY), true)
     assert after[0] < before[0] + 0.03
     assert after[1] < before[1] + 0.15
 
@@ -114,7 +120,7 @@ def test_without_corners_it_is_the_pose_of_the_points(name: str) -> None:
     points = in_sight(optics, true[None], rng, 300)
     sight = look(optics, true, points)
     seen = Measurements(sight.point, sight.view, sight.pixels, sight.plane)
-    T = JointSight(LAST, seen, points[sight.point], Pairs.none(), optics, CONFIG).refined_pose(true @ ASTRAY)
+    T = sight_of(seen, points[sight.point], Pairs.none(), optics).refined_pose(true @ ASTRAY)
     turn, way = errors(T, true)
     assert turn < 0.02
     assert way < 0.1
@@ -155,4 +161,4 @@ def test_one_view_alone_wins_no_pose() -> None:
     pairs = true_pairs(optics, MOTION, rng, 200)
     lying = true_pairs(optics, MOTION @ ASTRAY @ ASTRAY, rng, 800)
     every = together(pairs.take(pairs.views != 1), lying.take(lying.views == 1))
-    assert JointSight(LAST, seen, xyz, every, optics, CONFIG).agreed_pose(true) is None
+    assert sight_of(seen, xyz, every, optics).agreed_pose(true) is None

@@ -13,7 +13,8 @@ from slam_worlds import fisheye, folded, in_sight, look, pyramid, walls, winding
 from facetcam.geometry import se3
 from facetcam.rig import Rig
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.camera.pose import generalized_pose, judged_pose, linearise, refine_pose
+from facetcam.slam.camera.pose import generalized_pose, judged_pose, refine_pose
+from facetcam.slam.camera.sight import Sights, linearise
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,9 @@ def errors(T: Array) -> tuple[float, float]:
 def test_derivatives_are_the_slope_of_the_residuals(optics: Optics) -> None:
     points = walls(np.random.default_rng(4), 2000)
     seen = look(optics, TRUE, points)
-    args = points[seen.point], seen.view, seen.plane, optics
+    rng = np.random.default_rng(9)
+    edge = rng.uniform(-0.7, 0.7, (len(seen.point), 2))
+    args = Sights(points[seen.point], seen.view, seen.plane, edge), optics
     residual, J = linearise(NEAR, *args)
     for axis, unit in enumerate(np.eye(6)):
         ahead, behind = (linearise(NEAR @ se3.exp(s * 1e-6 * unit), *args)[0] for s in (1, -1))
@@ -60,7 +63,7 @@ def test_a_near_pose_is_pulled_in_through_outliers(optics: Optics) -> None:
     points = walls(rng, 3000)
     seen = look(optics, TRUE, points)
     plane, wrong = with_outliers(seen.plane, rng, 0.3)
-    pose = refine_pose(NEAR, points[seen.point], seen.view, plane, optics, 0.5)
+    pose = refine_pose(NEAR, Sights.of_corners(points[seen.point], seen.view, plane), optics, 0.5)
     degrees, metres = errors(pose.T_world_rig)
     assert degrees < 0.05
     assert metres < 0.01
@@ -75,7 +78,7 @@ def test_points_behind_a_view_do_not_fit() -> None:
     centre = se3.transform(TRUE, optics.origins(seen.view))
     place = points[seen.point]
     place[:5] = 2.0 * centre[:5] - place[:5]
-    pose = refine_pose(TRUE, place, seen.view, seen.plane, optics, 0.5)
+    pose = refine_pose(TRUE, Sights.of_corners(place, seen.view, seen.plane), optics, 0.5)
     assert np.all(np.isinf(pose.residuals[:5]))
     assert np.all(pose.residuals[5:] < 0.01)
 
@@ -89,7 +92,7 @@ def test_covariance_tells_the_errors_that_noise_makes(optics: Optics) -> None:
     squares = []
     for _ in range(trials):
         plane = seen.plane + rng.normal(0.0, 0.4, seen.plane.shape)
-        pose = refine_pose(NEAR, points[seen.point], seen.view, plane, optics, 0.5)
+        pose = refine_pose(NEAR, Sights.of_corners(points[seen.point], seen.view, plane), optics, 0.5)
         twist = se3.log(se3.inverse(pose.T_world_rig) @ TRUE)
         squares.append(twist @ np.linalg.solve(pose.covariance, twist))
     low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * trials)
@@ -102,7 +105,7 @@ def test_a_pose_beside_that_of_the_points_is_told_to_be_less_sure(optics: Optics
     points = walls(rng, 1500)
     seen = look(optics, TRUE, points)
     plane = seen.plane + rng.normal(0.0, 0.3, seen.plane.shape)
-    args = points[seen.point], seen.view, plane, optics, 0.5
+    args = Sights.of_corners(points[seen.point], seen.view, plane), optics, 0.5
     best = refine_pose(NEAR, *args)
     again, beside = judged_pose(best.T_world_rig, *args), judged_pose(TRUE @ LITTLE, *args)
     np.testing.assert_array_equal(again.covariance, best.covariance)
@@ -177,7 +180,7 @@ def test_the_native_refinement_finds_the_least_robust_cost(optics: Optics) -> No
         return float(np.sum(np.log1p(np.sum((seen - plane) ** 2, axis=1) / sigma**2)))
 
     start = T @ se3.exp([0.01, -0.02, 0.01, 0.05, 0.03, -0.04])
-    found = refine_pose(start, xyz, sight.view, plane, optics, sigma).T_world_rig
+    found = refine_pose(start, Sights.of_corners(xyz, sight.view, plane), optics, sigma).T_world_rig
     assert cost(found) < cost(start)
     for axis in np.eye(6):
         for step in (1e-4, -1e-4):
@@ -210,8 +213,9 @@ def test_a_wrong_point_before_a_far_wall_does_not_pull_the_pose(view: int) -> No
     on_wall = on_wall + 5.0 * (points[:1] - on_wall)
     wrong = plane.copy()
     wrong[:1], _ = optics.to_plane(se3.transform(se3.inverse(MOVED), on_wall), views[:1])
-    right = refine_pose(MOVED @ LITTLE, points[1:], views[1:], wrong[1:], optics, 0.5).T_world_rig
-    pulled = refine_pose(MOVED @ LITTLE, points, views, wrong, optics, 0.5)
+    every = Sights.of_corners(points, views, wrong)
+    right = refine_pose(MOVED @ LITTLE, every.take(np.arange(len(points)) > 0), optics, 0.5).T_world_rig
+    pulled = refine_pose(MOVED @ LITTLE, every, optics, 0.5)
     np.testing.assert_allclose(pulled.T_world_rig, right, atol=1e-6)
     assert pulled.residuals[0] > 3.0
 
@@ -224,9 +228,8 @@ def test_a_true_point_before_a_far_wall_is_heard(view: int) -> None:
     for seed in range(10):
         points, views, plane = wall_seen_by(optics, view, np.random.default_rng([33, view, seed]))
         for first in (0, 1):
-            T = refine_pose(
-                MOVED @ LITTLE, points[first:], views[first:], plane[first:], optics, 0.5
-            ).T_world_rig
+            seen = Sights.of_corners(points[first:], views[first:], plane[first:])
+            T = refine_pose(MOVED @ LITTLE, seen, optics, 0.5).T_world_rig
             off.append(float(np.linalg.norm(se3.log(se3.inverse(MOVED) @ T)[3:])))
     assert np.median(off[::2]) < 0.8 * np.median(off[1::2])
 
@@ -241,7 +244,9 @@ def test_few_points_of_another_view_are_heard() -> None:
     rows = np.concatenate([most, few])
     stretched = seen.plane.copy()
     stretched[few] += 4.0
-    T = refine_pose(TRUE, points[seen.point[rows]], seen.view[rows], stretched[rows], optics, 0.5)
-    alone = refine_pose(TRUE, points[seen.point[most]], seen.view[most], stretched[most], optics, 0.5)
+    T, alone = (
+        refine_pose(TRUE, Sights.of_corners(points[seen.point[r]], seen.view[r], stretched[r]), optics, 0.5)
+        for r in (rows, most)
+    )
     assert np.linalg.norm(se3.log(se3.inverse(alone.T_world_rig) @ T.T_world_rig)) > 1e-3
     assert np.max(T.residuals[-4:]) < np.max(np.linalg.norm(stretched[few] - seen.plane[few], axis=1))

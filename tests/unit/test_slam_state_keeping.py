@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -105,13 +103,20 @@ def test_poses_are_found_again_from_what_frames_saw() -> None:
         seen = look(optics, T, points[300 * time : 300 * time + 300])
         found = Measurements(seen.point + 300 * time, seen.view, seen.pixels, seen.plane)
         trajectory.add(0.1 * time, T @ wrong, hung, found)
-    alive = np.arange(len(points)) < 4 * 300 + 8
-    map = SimpleNamespace(points=SimpleNamespace(xyz=points, alive=alive), readout=0.0)
-    trajectory.solve_again(map, optics, 0.5)
+    world = mapped(points)
+    world.points.alive[4 * 300 + 8 :] = False
+    trajectory.solve_again(world, optics, 0.5)
     np.testing.assert_allclose(trajectory.poses()[1][:4], path[:4], atol=1e-5)
     np.testing.assert_allclose(trajectory.last(), path[4] @ wrong, atol=1e-12)
     hung.T_world_rig = wrong @ hung.T_world_rig  # found again, they still follow the map
     np.testing.assert_allclose(trajectory.poses()[1][2], wrong @ path[2], atol=1e-5)
+
+
+def mapped(points: Array) -> Map:
+    """A map of points that are corners."""
+    world = Map()
+    world.points.extend(xyz=points)
+    return world
 
 
 def rolled(optics: Optics, T: Array, twist: Array, readout: float, points: Array) -> Measurements:
@@ -134,10 +139,12 @@ def test_poses_behind_a_rolling_shutter_are_those_of_the_middle_row_however_long
         trajectory.add(0.1 * time, T, hung, rolled(optics, T, twist, 0.03, points))
     for time in range(5, 1200):
         trajectory.add(0.1 * time, path[-1], hung)
-    map = SimpleNamespace(points=SimpleNamespace(xyz=points, alive=np.ones(len(points), bool)), readout=0.03)
-    trajectory.solve_again(map, optics, 0.5)
+    world = mapped(points)
+    world.readout = 0.03
+    trajectory.solve_again(world, optics, 0.5)
     np.testing.assert_allclose(trajectory.poses()[1][1:4], path[1:4], atol=1e-3)
-    trajectory.solve_again(SimpleNamespace(points=map.points, readout=0.0), optics, 0.5)
+    world.readout = 0.0
+    trajectory.solve_again(world, optics, 0.5)
     assert np.abs(trajectory.poses()[1][1:4] - path[1:4]).max() > 2e-3  # a shutter taken for a global one
 
 

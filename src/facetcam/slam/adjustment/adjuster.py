@@ -199,7 +199,7 @@ class Adjuster:
             motions=self._motions(keyframes, n_fixed),
             nuisances=nuisances,
         )
-        return bundle, used
+        return bundle.on_edges(self._map.points.edges(used), self._optics), used
 
     def _nuisances(self, plane: Array, view: Index, by_readout: Array) -> Nuisances:
         several = self._optics.n_views > 1

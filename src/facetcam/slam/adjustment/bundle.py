@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import itertools
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from facetcam import _core
 from facetcam.slam.camera.nuisances import Nuisances
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.sight import across, seen_edges
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -55,6 +57,8 @@ class Bundle:
         Those of them that join frames with hardly a point in common: nothing else may hold these together.
     nuisances : Nuisances or None
         What is estimated with the map, by which `plane` has been corrected; None where it is held.
+    edge : (M, 2) array or None
+        As of `Sights`; None where all points are corners.
     """
 
     T_world_rig: Array
@@ -67,6 +71,26 @@ class Bundle:
     motions: list[RelativePose] = field(default_factory=list)
     bridges: list[RelativePose] = field(default_factory=list)
     nuisances: Nuisances | None = None
+    edge: Array | None = None
+
+    def on_edges(self, edges: Array, optics: Optics) -> Bundle:
+        """The same of points on edges (P, 3) of the world."""
+        seen = [
+            seen_edges(T, self.points[self.point[rows]], self.view[rows], edges[self.point[rows]], optics)
+            for T, rows in frames_of(self)
+        ]
+        return replace(self, edge=np.concatenate(seen))
+
+    @property
+    def edges(self) -> Array:
+        """`edge`, zero for corners."""
+        return np.zeros((len(self.frame), 2)) if self.edge is None else self.edge
+
+
+def frames_of(bundle: Bundle) -> list[tuple[Array, slice]]:
+    """Pose of each frame, and which observations are its own."""
+    begin = np.searchsorted(bundle.frame, np.arange(len(bundle.T_world_rig) + 1)).tolist()
+    return [(T, slice(*rows)) for T, rows in zip(bundle.T_world_rig, itertools.pairwise(begin))]
 
 
 def adjust(
@@ -108,7 +132,7 @@ def adjust(
     if nuisances is not None:
         values[:N], weight[:N] = nuisances.values, (noise / nuisances.sigma) ** 2
         by = np.zeros((len(bundle.frame), 2, 3))
-        by[:, :, :N] = nuisances.by
+        by[:, :, :N] = across(bundle.edges, nuisances.by)
     T_world_rig, points, values, *_ = _core.adjust_bundle(
         focal=optics.focal,
         T_view_rig=np.ascontiguousarray(optics.T_view_rig),
@@ -119,6 +143,7 @@ def adjust(
         view=np.ascontiguousarray(bundle.view, dtype=np.int64),
         point=np.ascontiguousarray(bundle.point, dtype=np.int64),
         plane=np.ascontiguousarray(bundle.plane),
+        edge=np.ascontiguousarray(bundle.edges),
         between=np.array([(m.i, m.j) for m in motions], np.int64).reshape(-1, 2),
         T_i_j=np.array([m.T_i_j for m in motions]).reshape(-1, 4, 4),
         roots=np.array([_whitening(m.covariance) for m in motions]).reshape(-1, 6, 6),

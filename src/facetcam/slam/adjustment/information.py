@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +12,9 @@ from facetcam.geometry import se3
 from facetcam.rig import Rig, RigCovariance
 from facetcam.rig.covariance import MOTIONS
 from facetcam.rig.freedom import moved
-from facetcam.slam.adjustment.bundle import Bundle
+from facetcam.slam.adjustment.bundle import Bundle, frames_of
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.camera.pose import linearise, linearise_sight
+from facetcam.slam.camera.sight import Sights, across, coordinates, linearise, linearise_sight
 
 Array = NDArray[np.float64]
 
@@ -60,11 +59,11 @@ def information(
     K, P, M = len(bundle.T_world_rig), len(bundle.points), len(bundle.frame)
     residual, J, by_point = linearise_all(bundle, bundle.points[bundle.point], optics)
     weight = _weights(residual, pixel_sigma)
-    root = np.sqrt(weight)[:, None, None] / max(_noise(residual, weight, M / P), 1e-3)
+    root = np.sqrt(weight)[:, None, None] / max(_noise(bundle, residual, weight), 1e-3)
     by_rig = np.zeros((M, 2, 0)) if known is None else rig_derivatives(bundle, J, optics, known)
     R, own = by_rig.shape[2], bundle.nuisances
     if own is not None:
-        by_rig = np.concatenate([by_rig, own.by], axis=2)
+        by_rig = np.concatenate([by_rig, across(bundle.edges, own.by)], axis=2)
     A, B = _blocks(root * J, bundle.frame, K), _blocks(root * by_point, bundle.point, P)
     C, r = (root * by_rig).reshape(2 * M, -1), (root[:, :, 0] * residual).ravel()
     B = B @ _whitening((B.T @ B).tobsr((3, 3)), P)
@@ -89,21 +88,20 @@ def information(
 def typical_noise(bundle: Bundle, optics: Optics, pixel_sigma: float) -> float:
     """Pixels by which the measurements of a bundle would err, were those of a point independent."""
     residual, _ = linearise_points(bundle, bundle.points[bundle.point], optics)
-    sightings = len(bundle.frame) / len(bundle.points)
-    return _noise(residual, _weights(residual, pixel_sigma), sightings)
+    return _noise(bundle, residual, _weights(residual, pixel_sigma))
 
 
 def _weights(residual: Array, pixel_sigma: float) -> Array:
     return np.asarray(1.0 / (1.0 + np.sum(residual**2, axis=1) / pixel_sigma**2))
 
 
-def _noise(residual: Array, weight: Array, sightings: float) -> float:
-    """Standard deviation of residuals (M, 2) with robust weights, of so many sightings of each point.
+def _noise(bundle: Bundle, residual: Array, weight: Array) -> float:
+    """Standard deviation of residuals (M, 2) with robust weights, were those of a point independent.
 
     All measurements of a point come from one reference patch: they count as one, not as many.
     """
-    squared = np.sum(weight * np.sum(residual**2, axis=1)) / (2.0 * weight.sum())
-    return float(np.sqrt(sightings * squared))
+    squared = np.sum(weight * np.sum(residual**2, axis=1)) / (weight @ coordinates(bundle.edges))
+    return float(np.sqrt(len(bundle.frame) / len(bundle.points) * squared))
 
 
 def _across(bundle: Bundle) -> Array:
@@ -127,15 +125,16 @@ def linearise_all(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array, Ar
     Returns
     -------
     residual : (M, 2) array
-        Pixels on the ideal pinholes.
+        Pixels on the ideal pinholes, as far as they count (`Sights`).
     by_pose : (M, 2, 6) array
         By right-hand twists of the frames.
     by_point : (M, 2, 3) array
     """
     M = len(bundle.frame)
     residual, by_pose, by_point = np.zeros((M, 2)), np.zeros((M, 2, 6)), np.zeros((M, 2, 3))
-    for T, rows in _frames(bundle):
-        residual[rows], by_pose[rows] = linearise(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
+    for T, rows in frames_of(bundle):
+        seen = Sights(xyz[rows], bundle.view[rows], bundle.plane[rows], bundle.edges[rows])
+        residual[rows], by_pose[rows] = linearise(T, seen, optics)
         by_point[rows] = -by_pose[rows][:, :, 3:] @ T[:3, :3].T  # a point moves against the rig
     return residual, by_pose, by_point
 
@@ -144,16 +143,10 @@ def linearise_points(bundle: Bundle, xyz: Array, optics: Optics) -> tuple[Array,
     """Residuals and their derivatives by the points alone, as `linearise_all` gives them."""
     M = len(bundle.frame)
     residual, by_point = np.zeros((M, 2)), np.zeros((M, 2, 3))
-    for T, rows in _frames(bundle):
+    for T, rows in frames_of(bundle):
         sight = linearise_sight(T, xyz[rows], bundle.view[rows], bundle.plane[rows], optics)
         residual[rows], by_point[rows] = sight[0], sight[1] @ T[:3, :3].T
-    return residual, by_point
-
-
-def _frames(bundle: Bundle) -> list[tuple[Array, slice]]:
-    """Pose of each frame, and which observations are its own."""
-    begin = np.searchsorted(bundle.frame, np.arange(len(bundle.T_world_rig) + 1)).tolist()
-    return [(T, slice(*rows)) for T, rows in zip(bundle.T_world_rig, itertools.pairwise(begin))]
+    return across(bundle.edges, residual), across(bundle.edges, by_point)
 
 
 def rig_derivatives(bundle: Bundle, by_pose: Array, optics: Optics, known: RigCovariance) -> Array:
@@ -175,7 +168,7 @@ def rig_derivatives(bundle: Bundle, by_pose: Array, optics: Optics, known: RigCo
         else:
             seen = points_rig, pixels, bundle.view
             ahead, back = (_residuals(*seen, optics.adapted(rig)) for rig in both)
-            out[:, :, index] = ahead - back
+            out[:, :, index] = across(bundle.edges, ahead - back)
     return out / (2.0 * _STEP)
 
 

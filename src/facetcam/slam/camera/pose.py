@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,11 @@ from scipy.spatial.transform import Rotation
 from facetcam import _core
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.sight import Sights, coordinates, linearise, linearise_sight
 
 Array = NDArray[np.float64]
 
 _STEPS = 15
-_MIN_DEPTH = 0.01  # metres
 _DIGITS = 6  # a thousandth of a pixel
 _LEVERAGE = 0.3  # of the six numbers of a pose that one point may hold
 _NEAR = 3.0  # px within which a point has a part in them
@@ -27,7 +27,10 @@ _BORNE_OUT = 25.0  # squared standard deviations
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A pose with its covariance (6, 6) and the residuals (N,) in pixels; inf behind a view."""
+    """A pose with its covariance (6, 6) and the residuals (N,) in pixels; inf behind a view.
+
+    Residuals count along edges, too: points that may lie anywhere there would bear out wrong poses.
+    """
 
     T_world_rig: Array
     covariance: Array
@@ -101,53 +104,34 @@ def camera_pose(T_view_rig: Array) -> Any:
     return pose
 
 
-def refine_pose(
-    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, sigma: float
-) -> Pose:
+def refine_pose(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Pose:
     """Iteratively reweighted Gauss-Newton on all views, with a Cauchy kernel of `sigma` pixels.
 
     The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements. No kernel
     tames a wrong point that holds a direction of the pose by itself, as a near one before a far wall does:
     the pose follows until it fits. Such points count only where they agree with what the others say.
     """
-    seen = _Sights(points, views, plane)
     T = _least_squares(T_world_rig, seen, optics, sigma)
-    residual, J = linearise(T, *seen, optics)
-    alone = _alone(residual, J, views, optics)
+    residual, J = linearise(T, seen, optics)
+    alone = _alone(residual, J, seen.views, optics)
     if alone.any():
         T_others = _least_squares(T, seen.take(~alone), optics, sigma)
-        counts = ~alone | _borne_out(*linearise(T_others, *seen, optics), ~alone, sigma)
+        counts = ~alone | _borne_out(*linearise(T_others, seen, optics), ~alone, seen, sigma)
         if not counts.all():
             T = _least_squares(T_others, seen.take(counts), optics, sigma)
-            residual, J = linearise(T, *seen, optics)
-    return _judged(T, residual, J, sigma)
+    return judged_pose(T, seen, optics, sigma)
 
 
-def judged_pose(
-    T_world_rig: Array, points: Array, views: NDArray[np.int8], plane: Array, optics: Optics, sigma: float
-) -> Pose:
+def judged_pose(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Pose:
     """A pose as it is, with what points that are seen from it say of it."""
-    return _judged(T_world_rig, *linearise(T_world_rig, points, views, plane, optics), sigma)
-
-
-def _judged(T_world_rig: Array, residual: Array, J: Array, sigma: float) -> Pose:
-    found = _Weighted.of(residual, J, np.ones(len(residual), np.bool_), sigma)
+    residual, J = linearise(T_world_rig, seen, optics)
+    found = _Weighted.of(residual, J, np.ones(len(residual), np.bool_), coordinates(seen.edge), sigma)
     behind = ~J.any(axis=(1, 2))
-    return Pose(T_world_rig, found.variance * found.inverse, np.where(behind, np.inf, found.size))
+    whole = np.linalg.norm(linearise_sight(T_world_rig, *seen[:3], optics)[0], axis=1)
+    return Pose(T_world_rig, found.variance * found.inverse, np.where(behind, np.inf, whole))
 
 
-class _Sights(NamedTuple):
-    """Points (N, 3), and the views (N,) and positions (N, 2) in which they are seen."""
-
-    points: Array
-    views: NDArray[np.int8]
-    plane: Array
-
-    def take(self, rows: NDArray[np.bool_]) -> _Sights:
-        return _Sights(self.points[rows], self.views[rows], self.plane[rows])
-
-
-def _least_squares(T_world_rig: Array, seen: _Sights, optics: Optics, sigma: float) -> Array:
+def _least_squares(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Array:
     (T,) = _core.refine_pose(
         focal=optics.focal,
         T_view_rig=np.ascontiguousarray(optics.T_view_rig),
@@ -155,6 +139,7 @@ def _least_squares(T_world_rig: Array, seen: _Sights, optics: Optics, sigma: flo
         points=np.ascontiguousarray(seen.points),
         view=seen.views.astype(np.int64),
         plane=np.ascontiguousarray(seen.plane),
+        edge=np.ascontiguousarray(seen.edge),
         sigma=sigma,
         max_steps=_STEPS,
     )
@@ -163,24 +148,28 @@ def _least_squares(T_world_rig: Array, seen: _Sights, optics: Optics, sigma: flo
 
 @dataclass(frozen=True, slots=True)
 class _Weighted:
-    """A pose as robust measurements see it: sizes (N,) of their residuals, the variance of one, and the
-    inverse (6, 6) of their information in units of it.
+    """A pose as robust measurements see it: the variance of one, and the inverse (6, 6) of their information
+    in units of it.
     """
 
-    size: Array
     variance: float
     inverse: Array
 
     @classmethod
-    def of(cls, residual: Array, J: Array, counts: NDArray[np.bool_], sigma: float) -> Self:
-        """From residuals (N, 2) and derivatives (N, 2, 6), of which only what `counts` is heard."""
+    def of(
+        cls, residual: Array, J: Array, counts: NDArray[np.bool_], coordinates: Array, sigma: float
+    ) -> Self:
+        """From what counts of residuals (N, 2) and of derivatives (N, 2, 6) in so many `coordinates` (N,).
+
+        Only sights that `counts` names are heard.
+        """
         size = np.linalg.norm(residual, axis=1)
         weight = counts / (1.0 + (size / sigma) ** 2)
-        variance = max(float(np.sum(weight * size**2) / max(2.0 * weight.sum() - 6.0, 1.0)), 1e-4)
-        return cls(size, variance, _inverse_information(J, weight))
+        variance = max(float(np.sum(weight * size**2) / max(float(weight @ coordinates) - 6.0, 1.0)), 1e-4)
+        return cls(variance, _inverse_information(J, weight))
 
 
-def _alone(residual: Array, J: Array, views: NDArray[np.int8], optics: Optics) -> NDArray[np.bool_]:
+def _alone(residual: Array, J: Array, views: NDArray[np.integer], optics: Optics) -> NDArray[np.bool_]:
     """Points that hold a good part of the pose by themselves, unlike most others of their view.
 
     The few points of another view that tell the scale of a map hold a part of it, too, and must be heard.
@@ -192,9 +181,11 @@ def _alone(residual: Array, J: Array, views: NDArray[np.int8], optics: Optics) -
     return np.asarray(alone & judged[views])
 
 
-def _borne_out(residual: Array, J: Array, others: NDArray[np.bool_], sigma: float) -> NDArray[np.bool_]:
+def _borne_out(
+    residual: Array, J: Array, others: NDArray[np.bool_], seen: Sights, sigma: float
+) -> NDArray[np.bool_]:
     """Points within what the pose from the `others` foretells of them (deleted residuals)."""
-    told = _Weighted.of(residual, J, others, sigma)
+    told = _Weighted.of(residual, J, others, coordinates(seen.edge), sigma)
     variance = max(told.variance, _LEAST_ERROR**2)
     S = variance * (np.eye(2) + J @ told.inverse @ np.swapaxes(J, 1, 2))
     squared = np.einsum("ni,ni->n", residual, np.linalg.solve(S, residual[..., None])[..., 0])
@@ -205,30 +196,3 @@ def _inverse_information(J: Array, weight: Array | NDArray[np.bool_]) -> Array:
     """Inverse (6, 6) of what residuals with derivatives (N, 2, 6) and weights (N,) say of a pose."""
     weighted = (J * weight[:, None, None]).reshape(-1, 6)
     return np.asarray(np.linalg.pinv(weighted.T @ J.reshape(-1, 6), hermitian=True))
-
-
-def linearise(
-    T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
-) -> tuple[Array, Array]:
-    """Residuals (N, 2) of points on their pinholes, and derivative (N, 2, 6) by a right-hand twist.
-
-    Both are zero for a point behind its view.
-    """
-    residual, by_rig, points_rig = linearise_sight(T_world_rig, points, views, plane, optics)
-    x, y, z = points_rig.T[:, :, None]
-    a, b, c = np.moveaxis(by_rig, 2, 0)  # the point moves against the rig: by_rig [p]x, then -by_rig
-    return residual, np.stack([b * z - c * y, c * x - a * z, a * y - b * x, -a, -b, -c], axis=2)
-
-
-def linearise_sight(
-    T_world_rig: Array, points: Array, views: NDArray[np.integer], plane: Array, optics: Optics
-) -> tuple[Array, Array, Array]:
-    """Residuals (N, 2) of points on their pinholes, derivatives (N, 2, 3) by points in the rig, and these."""
-    points_rig = se3.transform(se3.inverse(T_world_rig), points)
-    predicted, depth = optics.to_plane(points_rig, views)
-    in_front = depth > _MIN_DEPTH
-    depth = np.where(in_front, depth, 1.0)[:, None]
-    across, along = optics.T_view_rig[views, :2, :3], optics.T_view_rig[views, 2, :3]
-    by_rig = optics.focal / depth[:, :, None] * across - (predicted / depth)[:, :, None] * along[:, None, :]
-    by_rig[~in_front] = 0.0
-    return np.where(in_front[:, None], predicted - plane, 0.0), by_rig, points_rig

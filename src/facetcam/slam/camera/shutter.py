@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.camera.pose import linearise
+from facetcam.slam.camera.sight import Sights, linearise
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,7 @@ def sweep(
     """
     if not np.any(velocity):
         return np.zeros((len(xyz), 2))
-    _, J = linearise(T_world_rig, xyz, view, np.zeros((len(xyz), 2)), optics)
+    _, J = linearise(T_world_rig, Sights.of_corners(xyz, view, np.zeros((len(xyz), 2))), optics)
     height = optics.camera.height
     late = (pixels[:, 1] - (height - 1) / 2.0) / max(height - 1, 1)
     return np.asarray(late[:, None] * (J @ velocity))

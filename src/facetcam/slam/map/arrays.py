@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.edges import patch_edges
 from facetcam.slam.map.map import Keyframe, Map, Observations
 from facetcam.slam.map.places import Places, Sightings
 
@@ -86,7 +87,9 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
         _check_range(arrays[f"{name}.keyframe"], n_keyframes, f"{name}.keyframe")
     _check_range(arrays["observations.view"], optics.n_views, "observations.view")
     known = [*POINTS, *(name for name in LATER if f"points.{name}" in arrays)]
-    map.points.extend(**{name: arrays[f"points.{name}"] for name in known})
+    columns = {name: arrays[f"points.{name}"] for name in known}
+    edge = patch_edges(columns["patch"], columns["offset"], columns["jacobian"])
+    map.points.extend(**columns, edge=edge)
     if "camera.creep" in arrays:  # not in the first maps
         map.creep = arrays["camera.creep"].copy()
         optics.creep_to(map.creep)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners, Frame, repeated
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.edges import patch_edges
 from facetcam.slam.map.points import Points, cut_patches, tangents
 from facetcam.slam.threads import FairLock
 
@@ -233,6 +234,7 @@ class Map:
             offset=offsets[kept],
             tangent=(keyframe.T_world_rig[:3, :3] @ tangent)[kept],
             jacobian=jacobian[kept],
+            edge=patch_edges(patches[kept], offsets[kept], jacobian[kept]),
             descriptor=keyframe.corners.descriptors[corner[kept]],
             colour=keyframe.frame.colours[corner[kept]],
             repeated=repeated(keyframe.corners, corner[kept]),

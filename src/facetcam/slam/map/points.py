@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.sight import Sights, Views
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -27,6 +28,7 @@ class Points:
     offset : (N, 2) float32 feature position from the central pixel of the patch
     tangent : (N, 3, 2) world steps that moved the feature by about a pixel in x and y there
     jacobian : (N, 2, 2) pixels that these steps made
+    edge : (N, 2) in these steps, the edge in the patch; see `patch_edges`
     descriptor : (N, D) uint8
     colour : (N, 3) uint8 RGB
     repeated : (N,) bool, another corner of its view looked the same
@@ -39,6 +41,7 @@ class Points:
     offset: NDArray[np.float32]
     tangent: Array
     jacobian: Array
+    edge: Array
     descriptor: NDArray[np.uint8]
     colour: NDArray[np.uint8]
     repeated: NDArray[np.bool_]
@@ -54,6 +57,7 @@ class Points:
             "offset": np.zeros((_CAPACITY, 2), np.float32),
             "tangent": np.zeros((_CAPACITY, 3, 2)),
             "jacobian": np.zeros((_CAPACITY, 2, 2)),
+            "edge": np.zeros((_CAPACITY, 2)),
             "descriptor": np.zeros((_CAPACITY, DESCRIPTOR_BYTES), np.uint8),
             "colour": np.zeros((_CAPACITY, 3), np.uint8),
             "repeated": np.zeros(_CAPACITY, np.bool_),
@@ -72,6 +76,19 @@ class Points:
         ids = self.extend(**{name: column[: len(other)] for name, column in other._storage.items()})
         self.alive[ids] = other.alive
         return ahead
+
+    def sights(
+        self, ids: NDArray[np.integer], views: Views, plane: Array, T_world_rig: Array, optics: Optics
+    ) -> Sights:
+        """What is seen of points through views (N,), at (N, 2) on their pinholes, from near a pose."""
+        seen = Sights.of_corners(self.xyz[ids], views, plane)
+        return seen.on_edges(self.edges(ids), T_world_rig, optics)
+
+    def edges(self, ids: NDArray[np.integer]) -> Array:
+        """Edges (N, 3) of the world on which points lie, as long as those in their patches."""
+        along = np.einsum("nij,nj->ni", self.tangent[ids], self.edge[ids])
+        length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
+        return np.asarray(along * (np.linalg.norm(self.edge[ids], axis=1) / length)[:, None])
 
     def _expose(self) -> None:
         """The public columns are views of the rows in use."""

@@ -201,4 +201,5 @@ def _found_again(T: Array, velocity: Array, seen: _Seen, map: Map, optics: Optic
     """Pose from points that the map still has."""
     xyz, pixels = map.points.xyz[seen.point], seen.pixels.astype(np.float64)
     plane = at_one_moment(T, velocity, xyz, seen.view, pixels, map.readout, optics)
-    return refine_pose(T, xyz, seen.view, plane, optics, sigma).T_world_rig
+    sights = map.points.sights(seen.point, seen.view, plane, T, optics)
+    return refine_pose(T, sights, optics, sigma).T_world_rig

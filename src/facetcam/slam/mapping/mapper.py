@@ -146,8 +146,8 @@ class Mapper:
         before, seen = keyframe.T_world_rig, keyframe.observations
         if not len(seen):
             return aside
-        xyz, optics = self._map.points.xyz[seen.point], self._optics
-        T = JointSight(last.T_world_rig, seen, xyz, pairs, optics, self._config).agreed_pose(before)
+        sights = self._map.points.sights(seen.point, seen.view, seen.plane, before, self._optics)
+        T = JointSight(last.T_world_rig, sights, pairs, self._optics, self._config).agreed_pose(before)
         if T is None:
             return aside
         keyframe.T_world_rig = T

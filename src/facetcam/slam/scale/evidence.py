@@ -128,7 +128,9 @@ def _mapped_alone(whole: Bundle, tracks: Index, optics: Optics, pixel_sigma: flo
     """
     name = whole.point * optics.n_views + whole.view
     rows = np.isin(name, tracks)
-    some = replace(whole, frame=whole.frame[rows], view=whole.view[rows], plane=whole.plane[rows])
+    some = replace(
+        whole, frame=whole.frame[rows], view=whole.view[rows], plane=whole.plane[rows], edge=whole.edges[rows]
+    )
     some.point = np.searchsorted(tracks, name[rows])
     xyz = whole.points[tracks // optics.n_views]
     for _ in range(_STEPS):

@@ -110,7 +110,7 @@ class Handovers:
             view=np.concatenate([s.view for s in sought]).astype(np.int64),
             point=np.searchsorted(ids, np.concatenate([s.point for s in sought])),
             plane=np.concatenate([self._plane(k, s) for k, s in zip(self._map.keyframes, sought)]),
-        )
+        ).on_edges(self._map.points.edges(ids), self._optics)
         noise = typical_noise(whole, self._optics, self._config.pixel_sigma)
         evidence = scale_evidence(whole, sightings, home, self._optics, noise)
         self.tell = bool(np.isfinite(evidence.sigma))

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.camera.pose import linearise
+from facetcam.slam.camera.sight import Sights, linearise, linearise_sight
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map.map import Observations
-from facetcam.slam.map.measure import Measurements
 from facetcam.slam.relative_pose.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -36,8 +34,8 @@ class JointSight:
     ----------
     T_world_last : (4, 4) array
         Pose of the earlier keyframe, which is held.
-    seen, xyz : Measurements or Observations of N points, (N, 3) array
-        Of the frame.
+    seen : Sights
+        Of points of the map, in the frame.
     pairs : Pairs
         Corners of the earlier keyframe and of the frame.
     optics : Optics
@@ -45,8 +43,7 @@ class JointSight:
     """
 
     T_world_last: Array
-    seen: Measurements | Observations
-    xyz: Array
+    seen: Sights
     pairs: Pairs
     optics: Optics
     config: SlamConfig
@@ -68,7 +65,7 @@ class JointSight:
         """
         T_last, pairs = se3.inverse(self.T_world_last), self.pairs.take(self.pairs.move())
         for looseness in _LOOSENESS:
-            residual, J = self._reprojected(T_world_rig)
+            residual, J = linearise(T_world_rig, self.seen, self.optics)
             beside = pairs.epipolar_errors(T_last @ T_world_rig, self.optics)
             ahead, back = np.split(pairs.epipolar_errors(T_last @ T_world_rig @ _NUDGES, self.optics), 2)
             slope = (ahead - back).T / (2.0 * _STEP)
@@ -85,8 +82,5 @@ class JointSight:
         """How many corners of each view fit a pose, and how many points."""
         fits = self.pairs.fit(se3.inverse(self.T_world_last) @ T_world_rig, self.optics)
         corners = np.bincount(self.pairs.views[fits], minlength=self.optics.n_views)
-        off = np.linalg.norm(self._reprojected(T_world_rig)[0], axis=1)
-        return np.append(corners, np.count_nonzero(off < self.config.gate))
-
-    def _reprojected(self, T_world_rig: Array) -> tuple[Array, Array]:
-        return linearise(T_world_rig, self.xyz, self.seen.view, self.seen.plane, self.optics)
+        off = linearise_sight(T_world_rig, *self.seen[:3], self.optics)[0]
+        return np.append(corners, np.count_nonzero(np.linalg.norm(off, axis=1) < self.config.gate))

@@ -108,13 +108,12 @@ class Tracker:
 
     def _leaning(self, fix: Fix, last: Keyframe, pairs: Pairs) -> Fix | None:
         """A fix at the pose that the corners of the last keyframe bear out, too, if there is one."""
-        xyz = self._map.points.xyz[fix.seen.point]
-        sight = JointSight(last.T_world_rig, fix.seen, xyz, pairs, self._optics, self._config)
-        T = sight.agreed_pose(fix.T_world_rig)
+        near, seen, optics = fix.T_world_rig, fix.seen, self._optics
+        sights = self._map.points.sights(seen.point, seen.view, seen.plane, near, optics)
+        T = JointSight(last.T_world_rig, sights, pairs, optics, self._config).agreed_pose(near)
         if T is None:
             return None
-        sigma = self._config.pixel_sigma
-        return replace(fix, pose=judged_pose(T, xyz, fix.seen.view, fix.seen.plane, self._optics, sigma))
+        return replace(fix, pose=judged_pose(T, sights, optics, self._config.pixel_sigma))
 
     def record(self, frame: Frame, fix: Fix) -> None:
         """Count what was expected and what was found, by which unreliable points are known."""
@@ -160,7 +159,8 @@ class Tracker:
             return None
         xyz, readout = points.xyz[seen.point], self._map.readout
         plane = at_one_moment(predicted, velocity, xyz, seen.view, seen.pixels, readout, self._optics)
-        pose = refine_pose(predicted, xyz, seen.view, plane, self._optics, config.pixel_sigma)
+        sights = points.sights(seen.point, seen.view, plane, predicted, self._optics)
+        pose = refine_pose(predicted, sights, self._optics, config.pixel_sigma)
         fits = pose.residuals < config.gate
         if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
             return None
