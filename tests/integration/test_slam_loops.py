@@ -18,9 +18,10 @@ from facetcam.io.trajectories import read_tum
 from facetcam.rig import Rig
 from facetcam.slam import Slam
 from facetcam.slam.camera.frame import Corners, make_frame
+from facetcam.slam.map.common_points import merge_points
+from facetcam.slam.map.joining import move_map
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.places import Places
-from facetcam.slam.mapping.loops import merge_points, move_map
 
 Array = NDArray[np.float64]
 

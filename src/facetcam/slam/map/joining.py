@@ -1,4 +1,4 @@
-"""Two maps made one: the one is moved into the world of the other, and takes that one in."""
+"""Maps that move: in parts where a loop bends them, or into the world of another, which they then take in."""
 
 from __future__ import annotations
 
@@ -56,6 +56,22 @@ def move_world(map: Map, into: Similarity) -> None:
     for keyframe in map.keyframes:
         keyframe.T_world_rig = into.pose(keyframe.T_world_rig)
         keyframe.grow(into.growth)
+
+
+def move_map(map: Map, T_world_rig: Array, growth: Array) -> None:
+    """Move keyframes to new poses, and points with the keyframe that saw them first."""
+    points = map.points
+    reference = np.full(len(points), -1)
+    for keyframe in reversed(map.keyframes):
+        reference[keyframe.observations.point] = keyframe.index
+    for keyframe, T, factor in zip(map.keyframes, T_world_rig, growth):
+        rows = np.flatnonzero(reference == keyframe.index)
+        local = se3.transform(se3.inverse(keyframe.T_world_rig), points.xyz[rows])
+        turn = T[:3, :3] @ keyframe.T_world_rig[:3, :3].T
+        points.xyz[rows] = se3.transform(T, factor * local)
+        points.tangent[rows] = factor * (turn @ points.tangent[rows])
+        keyframe.T_world_rig = T
+        keyframe.grow(float(factor))
 
 
 def take_in(map: Map, places: Places, earlier: Map, earlier_places: Places) -> int:

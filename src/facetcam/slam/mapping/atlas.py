@@ -13,12 +13,13 @@ import numpy as np
 from facetcam.slam.adjustment.adjuster import Adjuster
 from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Corners, Frame
+from facetcam.slam.map.common_points import growth_between
 from facetcam.slam.map.joining import Similarity, move_world, take_in
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.places import Places
 from facetcam.slam.map.trajectory import Trajectory
 from facetcam.slam.mapping.grower import Grower
-from facetcam.slam.mapping.loops import LoopCloser, growth_between
+from facetcam.slam.mapping.loops import LoopCloser
 from facetcam.slam.tracking.fix import Fix
 from facetcam.slam.tracking.trust import Trust
 
@@ -188,7 +189,7 @@ class Atlas:
     def _growth(self, keyframe: Keyframe, fix: Fix, left: Chart) -> float | None:
         here, there = self._map.points.xyz, left.map.points.xyz
         apart = replace(fix.seen, point=fix.seen.point + len(here))  # ids of two maps are not the same points
-        return growth_between(keyframe, fix, apart, here, np.concatenate([here, there]))
+        return growth_between(keyframe, fix.T_world_rig, apart, here, np.concatenate([here, there]))
 
     def _join(self, meeting: Meeting, trajectory: Trajectory) -> None:
         """Go over to the world of the left map, and take it in."""

@@ -8,14 +8,15 @@ from typing import TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.map.common_points import growth_between, merge_points, pairs_at_same_pixels
+from facetcam.slam.map.joining import move_map
 from facetcam.slam.map.map import Keyframe, Map, shared_points
-from facetcam.slam.map.measure import Measurements, measure, predict
+from facetcam.slam.map.measure import measure, predict
 from facetcam.slam.map.places import Places
 from facetcam.slam.map.pose_graph import Edges, relax
 from facetcam.slam.tracking.fix import Fix
@@ -31,8 +32,6 @@ _TIED = 30  # points that two keyframes share to be tied in the pose graph
 _ALIKE = 0.3  # of the best score, which an old place has that is worth a look
 _CLOSING_WEIGHT = 5.0
 _LOST_WEIGHT = 0.1  # of a way that no points have measured, but wheels
-_SAME_PIXELS = 1.5
-_LEAST_PAIRS = 10
 _DRIFT = 0.1  # of the way since an old place, by which a map is off there at most
 _LOST_DRIFT = 0.5  # and where its scale drifts too, or wheels alone have measured a part of the way
 _NEARBY = 0.3  # metres by which it may be off in any case
@@ -202,7 +201,7 @@ class LoopCloser:
     def _growth(self, keyframe: Keyframe, fix: Fix) -> float:
         """How much larger the old map is than the new one, from points that both have at the same pixels."""
         xyz = self._map.points.xyz
-        return growth_between(keyframe, fix, fix.seen, xyz, xyz) or 1.0
+        return growth_between(keyframe, fix.T_world_rig, fix.seen, xyz, xyz) or 1.0
 
     def _ties(self) -> tuple[Index, Index, Array]:
         """Pairs of keyframes that follow each other or share many points, and how stiffly they are tied."""
@@ -235,78 +234,3 @@ def _gap(keyframe: Keyframe, fix: Fix) -> float:
 
 def _returned(fix: Fix | None) -> TypeGuard[Fix]:
     return fix is not None and len(fix.seen) >= _RETURNED
-
-
-def growth_between(
-    keyframe: Keyframe, fix: Fix, seen: Measurements, xyz_here: Array, xyz_there: Array
-) -> float | None:
-    """How much larger an old map is than a new one, from points that both have at the same pixels.
-
-    Parameters
-    ----------
-    keyframe : Keyframe
-        Of the new map.
-    fix : Fix
-        Its pose in the old one.
-    seen : Measurements
-        What it has seen of that one, under ids that are rows of `xyz_there`.
-    xyz_here, xyz_there : (N, 3), (M, 3) arrays
-        Points of both maps, which may be one.
-
-    Returns
-    -------
-    float or None
-        None where too few tell.
-    """
-    new, old = pairs_at_same_pixels(keyframe, seen)
-    if len(new) < _LEAST_PAIRS:
-        return None
-    there = np.linalg.norm(xyz_there[old] - fix.T_world_rig[:3, 3], axis=1)
-    here = np.linalg.norm(xyz_here[new] - keyframe.T_world_rig[:3, 3], axis=1)
-    return float(np.median(there / here))
-
-
-def pairs_at_same_pixels(keyframe: Keyframe, seen: Measurements) -> tuple[Index, Index]:
-    """Ids of the keyframe's points, and of other points measured within a pixel or so in the same view."""
-    own = keyframe.observations
-    if not len(own) or not len(seen):
-        return np.empty(0, np.int64), np.empty(0, np.int64)
-    distance, nearest = (np.asarray(a) for a in cKDTree(own.pixels).query(seen.pixels))
-    point = own.point[nearest]
-    same = (distance < _SAME_PIXELS) & (own.view[nearest] == seen.view) & (point != seen.point)
-    new, first = np.unique(point[same], return_index=True)
-    return new, seen.point[same][first]
-
-
-def merge_points(map: Map, places: Places, new: Index, old: Index) -> None:
-    """Let points `new` (sorted ids) be the points `old`: all that saw the one saw the other."""
-    kept = ~np.isin(old, new)
-    new, old = new[kept], old[kept]
-    if not len(new):
-        return
-    for keyframe in map.keyframes:
-        seen = keyframe.observations
-        where = np.minimum(np.searchsorted(new, seen.point), len(new) - 1)
-        hit = new[where] == seen.point
-        if hit.any():
-            seen.point[hit] = old[where[hit]]
-            _, first = np.unique(seen.point * 128 + seen.view, return_index=True)
-            seen.keep(np.isin(np.arange(len(seen)), first))
-    map.points.alive[new] = False
-    places.replace_points(new, old)
-
-
-def move_map(map: Map, T_world_rig: Array, growth: Array) -> None:
-    """Move keyframes to new poses, and points with the keyframe that saw them first."""
-    points = map.points
-    reference = np.full(len(points), -1)
-    for keyframe in reversed(map.keyframes):
-        reference[keyframe.observations.point] = keyframe.index
-    for keyframe, T, factor in zip(map.keyframes, T_world_rig, growth):
-        rows = np.flatnonzero(reference == keyframe.index)
-        local = se3.transform(se3.inverse(keyframe.T_world_rig), points.xyz[rows])
-        turn = T[:3, :3] @ keyframe.T_world_rig[:3, :3].T
-        points.xyz[rows] = se3.transform(T, factor * local)
-        points.tangent[rows] = factor * (turn @ points.tangent[rows])
-        keyframe.T_world_rig = T
-        keyframe.grow(float(factor))
