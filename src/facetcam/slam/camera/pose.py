@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from facetcam import _core
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.camera.sight import Sights, coordinates, linearise, linearise_sight
+from facetcam.slam.camera.sight import Sights, across, coordinates, linearise, linearise_whole
 
 Array = NDArray[np.float64]
 
@@ -124,11 +124,12 @@ def refine_pose(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) 
 
 def judged_pose(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Pose:
     """A pose as it is, with what points that are seen from it say of it."""
-    residual, J = linearise(T_world_rig, seen, optics)
-    found = _Weighted.of(residual, J, np.ones(len(residual), np.bool_), coordinates(seen.edge), sigma)
+    whole, J = linearise_whole(T_world_rig, seen, optics)
     behind = ~J.any(axis=(1, 2))
-    whole = np.linalg.norm(linearise_sight(T_world_rig, *seen[:3], optics)[0], axis=1)
-    return Pose(T_world_rig, found.variance * found.inverse, np.where(behind, np.inf, whole))
+    told = across(seen.edge, whole), across(seen.edge, J), np.ones(len(whole), np.bool_)
+    found = _Weighted.of(*told, coordinates(seen.edge), sigma)
+    size = np.where(behind, np.inf, np.linalg.norm(whole, axis=1))
+    return Pose(T_world_rig, found.variance * found.inverse, size)
 
 
 def _least_squares(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Array:

@@ -78,11 +78,16 @@ def linearise(T_world_rig: Array, seen: Sights, optics: Optics) -> tuple[Array, 
 
     Both are zero for a point behind its view.
     """
+    residual, J = linearise_whole(T_world_rig, seen, optics)
+    return across(seen.edge, residual), across(seen.edge, J)
+
+
+def linearise_whole(T_world_rig: Array, seen: Sights, optics: Optics) -> tuple[Array, Array]:
+    """The same residuals and derivatives, along edges too."""
     residual, by_rig, points_rig = linearise_sight(T_world_rig, *seen[:3], optics)
     x, y, z = points_rig.T[:, :, None]
     a, b, c = np.moveaxis(by_rig, 2, 0)  # the point moves against the rig: by_rig [p]x, then -by_rig
-    J = np.stack([b * z - c * y, c * x - a * z, a * y - b * x, -a, -b, -c], axis=2)
-    return across(seen.edge, residual), across(seen.edge, J)
+    return residual, np.stack([b * z - c * y, c * x - a * z, a * y - b * x, -a, -b, -c], axis=2)
 
 
 def linearise_sight(
