@@ -6,6 +6,7 @@ import io
 import json
 import os
 import zipfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -154,6 +155,40 @@ def test_a_map_with_a_creep_that_is_none_is_refused(saved: Path, tmp_path: Path,
     header, arrays = read_map(saved)
     write_map(tmp_path / "odd.facetmap", header, arrays | {"camera.creep": creep})
     with pytest.raises(MapError, match=r"odd\.facetmap: its parts contradict each other"):
+        Slam(folded()).load_map(tmp_path / "odd.facetmap")
+
+
+def with_first(array: Array, value: float) -> Array:
+    """The same with another first row."""
+    spoiled = array.copy()
+    spoiled[0] = value
+    return spoiled
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil"),
+    [
+        ("points.patch", lambda a: a[:, :9, :9].copy()),
+        ("points.patch", lambda a: a.astype(float)),
+        ("points.offset", lambda a: with_first(a, 30.0)),
+        ("points.offset", lambda a: with_first(a, np.nan)),
+        ("points.xyz", lambda a: with_first(a, np.inf)),
+        ("points.jacobian", lambda a: with_first(a, 0.0)),
+        ("keyframes.T_world_rig", lambda a: with_first(a, 0.0)),
+        ("keyframes.timestamp", lambda a: with_first(a, np.nan)),
+        ("observations.keyframe", lambda a: a[::-1].copy()),
+        ("observations.pixels", lambda a: a[:, :1].copy()),
+        ("observations.point", lambda a: with_first(a, -1)),
+        ("sightings.descriptor", lambda a: a[:, :5].copy()),
+        ("camera.creep", lambda a: a[0]),
+    ],
+)
+def test_a_map_with_parts_that_are_none_is_refused(
+    saved: Path, tmp_path: Path, name: str, spoil: Callable[[Array], Array]
+) -> None:
+    header, arrays = read_map(saved)
+    write_map(tmp_path / "odd.facetmap", header, arrays | {name: np.asarray(spoil(arrays[name]))})
+    with pytest.raises(MapError, match=rf"odd\.facetmap: .*{name}"):
         Slam(folded()).load_map(tmp_path / "odd.facetmap")
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.map.checking import check
 from facetcam.slam.map.edges import patch_edges
 from facetcam.slam.map.map import Keyframe, Map, Observations
 from facetcam.slam.map.places import Places, Sightings
@@ -79,13 +80,10 @@ def from_arrays(arrays: Arrays, map: Map, places: Places, optics: Optics) -> Non
     Raises
     ------
     ValueError
-        If the arrays contradict each other.
+        If the arrays contradict each other, or are none of a map.
     """
-    n_points, n_keyframes = len(arrays["points.xyz"]), len(arrays["keyframes.timestamp"])
-    for name in ("observations", "sightings"):
-        _check_range(arrays[f"{name}.point"], n_points, f"{name}.point")
-        _check_range(arrays[f"{name}.keyframe"], n_keyframes, f"{name}.keyframe")
-    _check_range(arrays["observations.view"], optics.n_views, "observations.view")
+    check(arrays, map.points, optics.n_views)
+    n_keyframes = len(arrays["keyframes.timestamp"])
     known = [*POINTS, *(name for name in LATER if f"points.{name}" in arrays)]
     columns = {name: arrays[f"points.{name}"] for name in known}
     edge = patch_edges(columns["patch"], columns["offset"], columns["jacobian"])
@@ -119,8 +117,3 @@ def _keyframe(arrays: Arrays, k: int, optics: Optics) -> Keyframe:
         arrays["observations.point"][first:last], view, pixels, optics.plane(pixels, view)
     )
     return keyframe
-
-
-def _check_range(index: NDArray[Any], count: int, name: str) -> None:
-    if len(index) and not 0 <= int(index.min()) <= int(index.max()) < count:
-        raise ValueError(f"{name} names a row beyond {count}")

@@ -201,6 +201,8 @@ def _check_sizes(path: Path, header: MapHeader, arrays: Arrays) -> None:
     except KeyError as error:
         raise MapError(f"{path}: {_DAMAGED} ({error.args[0]} is absent)") from error
     for name, array in arrays.items():
+        if not array.ndim:
+            raise MapError(f"{path}: {_DAMAGED} ({name} has no rows)")
         if len(array) != sizes.get(name.split(".")[0], len(array)):
             raise MapError(f"{path}: {_DAMAGED} ({name} has {len(array)} rows)")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from facetcam.errors import MapError, RigError
+from facetcam.errors import FacetcamError, MapError
 from facetcam.io.colmap_model import RigFrame
 from facetcam.rig import Rig
 from facetcam.slam.camera.optics import Optics
@@ -48,7 +48,7 @@ def load(path: Path | str, rig: Rig, map: Map, places: Places, optics: Optics) -
     require_rig(path, header, rig)
     try:
         from_arrays(arrays, map, places, optics)
-    except (KeyError, ValueError, TypeError, RigError) as error:
+    except (KeyError, ValueError, TypeError, FacetcamError) as error:
         raise MapError(f"{path}: its parts contradict each other ({error}); map again") from error
     return header
 
