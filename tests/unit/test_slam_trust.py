@@ -102,7 +102,7 @@ def test_a_jump_is_what_no_rig_can_do(interval: float, aside: float, turn: float
     there = expected[0] @ se3.exp([0.0, 0.0, turn, aside, 0.0, 0.0])
     assert motion.jumps(3 * interval, there, expected) is jumps
     assert not motion.jumps(3 * interval, there, [*expected, there])  # wheels say the same
-    motion.lose(None, False)
+    motion.lose(None, False, False)
     assert not motion.jumps(3 * interval, there, expected)  # doubted already
 
 
@@ -114,7 +114,7 @@ def test_a_rig_lost_a_moment_ago_is_beside_where_it_was_going(
     aside: float, turn: float, later: float, beside: bool
 ) -> None:
     motion, _ = driven(0.7, 0.1)
-    motion.lose(None, False)
+    motion.lose(None, False, False)
     expected = motion.predictions(0.2 + later, None)
     there = expected[0] @ se3.exp([0.0, 0.0, turn, aside, 0.0, 0.0])
     assert motion.is_beside(0.2 + later, there, expected) is beside
@@ -181,6 +181,28 @@ def test_what_the_wheels_deny_must_be_seen_again_and_again(residual: float) -> N
     trust, elsewhere = doubting(), Reckoning(np.eye(4), way=1.0)
     carried = fix([10, 16, 0, 18], [14, 21, 0, 160], residual, 0.3)
     assert [trust.believes(carried, elsewhere) for _ in range(6)] == 5 * [False] + [True]
+
+
+def test_wheels_that_are_not_proven_yet_second_nobody_but_deny_look_alikes() -> None:
+    """Lost in its first seconds a rig had been taken to what one view saw, a metre from where it went."""
+    wheels, one_view, two_views = Reckoning(np.eye(4), way=1.0, proven=False), [0, 40, 0, 0], [0, 40, 0, 30]
+    trust = doubting()
+    assert not any(trust.believes(fix(one_view, [60] * 4, SHARP, 1.0), wheels) for _ in range(20))
+    assert doubting().believes(fix(two_views, [60] * 4, SHARP, 1.0), wheels)
+    trust = doubting()  # where they say the same it is as without wheels
+    near = fix(one_view, [60] * 4, SHARP, 0.1)
+    assert [trust.believes(near, wheels) for _ in range(3)] == [False, False, True]
+
+
+@pytest.mark.parametrize(("foretell", "proven"), [(True, True), (True, False), (False, False)])
+def test_a_lost_rig_is_reckoned_by_wheels_that_nothing_has_refuted(foretell: bool, proven: bool) -> None:
+    motion, _ = driven(0.7, 0.1)
+    motion.odometry = np.zeros(3)
+    motion.lose(np.zeros(3), foretell, proven)
+    reckoned = motion.reckoned(np.zeros(3))
+    assert (reckoned is not None) == foretell
+    assert reckoned is None or reckoned.proven == proven
+    assert motion.stands == proven  # they alone tell that somebody has carried the rig
 
 
 def test_reckoning_allows_wheels_a_tenth_of_the_way() -> None:

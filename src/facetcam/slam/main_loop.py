@@ -109,7 +109,7 @@ class MainLoop:
 
     def _miss(self, frame: Frame, wheels: Array | None, check: OdometryCheck) -> State:
         """No pose from the images: follow the wheels, or say that the rig is lost."""
-        self._motion.lose(wheels, check.agrees)
+        self._motion.lose(wheels, check.foretells, check.agrees)
         self._localiser.doubt()
         if self._motion.lost_frames > _PATIENCE and self._young:
             self._forget()

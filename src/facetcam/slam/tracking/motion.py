@@ -162,10 +162,10 @@ class Motion:
         self.trajectory.add(timestamp, fix.T_world_rig, keyframe, fix.seen, T_before)
         self.lost_frames, self.placed, self._reckoning, self.carried = 0, True, None, False
 
-    def lose(self, odometry: Array | None, wheels_proven: bool) -> None:
-        """Sight has not found the rig; wheels that have proven themselves go on from where it was."""
-        if self.placed and not self.lost_frames and wheels_proven:
-            self._reckoning = Reckoning(self.trajectory.last())
+    def lose(self, odometry: Array | None, wheels_foretell: bool, wheels_proven: bool) -> None:
+        """Sight has not found the rig; wheels that have not been refuted go on from where it was."""
+        if self.placed and not self.lost_frames and wheels_foretell:
+            self._reckoning = Reckoning(self.trajectory.last(), proven=wheels_proven)
         self._reckoning = self.reckoned(odometry)
         self.lost_frames += 1
 

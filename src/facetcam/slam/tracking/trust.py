@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,21 +27,26 @@ _SLIP = 0.5  # relative error beyond which no slip explains a pose: only a rig t
 
 @dataclass(frozen=True, slots=True)
 class Reckoning:
-    """Where the wheels have carried a lost rig, and the way (m) and turn (rad) since it was seen last."""
+    """Where the wheels have carried a lost rig, and the way (m) and turn (rad) since it was seen last.
+
+    Wheels are `proven` once they have gone as the images did for long enough.
+    """
 
     T_world_rig: Array
     way: float = 0.0
     turn: float = 0.0
+    proven: bool = True
 
     def further(self, T_step: Array) -> Reckoning:
         """After one more step."""
         turn, way = np.linalg.norm(se3.log(T_step).reshape(2, 3), axis=1)
-        return Reckoning(self.T_world_rig @ T_step, self.way + float(way), self.turn + float(turn))
+        further = self.T_world_rig @ T_step
+        return replace(self, T_world_rig=further, way=self.way + float(way), turn=self.turn + float(turn))
 
     @property
     def stands(self) -> bool:
-        """Tell whether the wheels have moved by no more than they err."""
-        return self.way < _WHEELS_FLOOR[0] and self.turn < _WHEELS_FLOOR[1]
+        """Tell whether proven wheels have moved by no more than they err."""
+        return self.proven and self.way < _WHEELS_FLOOR[0] and self.turn < _WHEELS_FLOOR[1]
 
     def agrees(self, T_world_rig: Array, share: float = _WHEELS) -> bool:
         """Tell whether a pose is as near as wheels of that relative error would be."""
@@ -56,7 +61,7 @@ class Trust:
     A pattern that repeats on one wall fools one view, hardly two at once. Each view counts by itself, since a
     wall that hides what the map expects in one says nothing of the others. Wheels bear witness too: a sharp
     pose where they say needs one view less, one elsewhere must be found again and again, and in two views
-    where no slip explains it.
+    where no slip explains it. Wheels not proven yet second nobody, but what they deny needs two views.
     """
 
     n_views: int
@@ -81,13 +86,16 @@ class Trust:
         if beside and fix.clear:
             return True
         agreed = wheels is not None and wheels.agrees(fix.T_world_rig)
-        confirmed = self._witnesses(fix) + int(agreed and fix.sharp) >= _WITNESSES
+        seconded = agreed and wheels is not None and wheels.proven and fix.sharp
+        confirmed = self._witnesses(fix) + int(seconded) >= _WITNESSES
         if not (confirmed or fix.sharp):
             return False
         self._times = self._times + 1 if self._repeated(fix.T_world_rig) else 1
         self._hope = fix.T_world_rig
         if wheels is None or agreed:
             return confirmed or self._times >= _AGAIN
+        if not wheels.proven:
+            return confirmed
         borne_out = confirmed or wheels.agrees(fix.T_world_rig, _SLIP)
         return borne_out and self._times >= _AGAINST_WHEELS
 
