@@ -124,6 +124,20 @@ ELSEWHERE = (
     Film("six faces, bedroom", lambda: presets.ryu(faces=6, depth=0.045), BEDROOM[::-1], 0.7, seed=29),
 )
 
+# Other ways, and other pairs of rig and room: made after the version that they judge.
+UNSEEN = (
+    Film("pyramid, dining, rough", presets.pyramid, DINING[::-1], 0.8, frames=80, seed=41),
+    Film("ryu, living, rough", lambda: with_lens(presets.ryu()), LIVING, 1.0, frames=80, seed=42),
+    Film(
+        "table, dining, rough", lambda: presets.table(width=0.12, height=0.1), DINING, 1.0, frames=80, seed=43
+    ),
+    Film("stereo adapter, dining", _STEREO, DINING, 0.5, frames=80, seed=44),
+    Film("six faces, dining", lambda: presets.ryu(faces=6, depth=0.045), DINING, 0.6, frames=80, seed=45),
+    Film("five wide faces, bedroom", _FIVE, BEDROOM, 0.5, frames=80, seed=46),
+    Film("ryu, poor light, bedroom", presets.ryu, BEDROOM, 0.3, POOR + BUILD, frames=80, seed=47),
+    Film("pyramid, bedroom", presets.pyramid, BEDROOM[::-1], 0.5, frames=80, seed=48),
+)
+
 
 def path_of(film: Film) -> tuple[Array, Array]:
     """Times and poses: a drive along the film's way, over ramps and bumps, with pitch and roll."""

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from _common import data_folder, show
-from _rig_films import ELSEWHERE, FILMS, Film, render
+from _rig_films import ELSEWHERE, FILMS, UNSEEN, Film, render
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -125,10 +125,11 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, default=Path("rig_films"), help="folder of films and runs")
     parser.add_argument("--only", default="", help="only films whose name holds this")
     parser.add_argument("--elsewhere", action="store_true", help="the second set: the rigs in other rooms")
+    parser.add_argument("--unseen", action="store_true", help="the third set, by which nothing was tuned")
     parser.add_argument("--rig", default="rig_true.yaml", help="or rig_nominal.yaml, the rig as drawn")
     options = parser.parse_args()
     scene, rows = data_folder() / "house" / "small_house.glb", []
-    films = ELSEWHERE if options.elsewhere else FILMS
+    films = UNSEEN if options.unseen else ELSEWHERE if options.elsewhere else FILMS
     for film in (f for f in films if options.only in f.name):
         render(film, scene, options.cache)
         for wheels in (False, True):

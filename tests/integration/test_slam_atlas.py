@@ -101,7 +101,7 @@ _SMALL_STEP = (
 
 @pytest.mark.parametrize(
     ("leaves", "meets"),
-    [(28, 46), pytest.param(LEAVES, MEETS, marks=pytest.mark.xfail(reason=_SMALL_STEP, strict=False))],
+    [(28, 46), pytest.param(LEAVES, MEETS, marks=pytest.mark.xfail(reason=_SMALL_STEP, strict=True))],
 )
 def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive, leaves: int, meets: int) -> None:
     """Two mirrors show the first room again while the others still show the second one."""
