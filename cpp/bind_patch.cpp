@@ -1,11 +1,12 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
-#include <vector>
+#include <cmath>
 
 #include "bindings.hpp"
 #include "parallel.hpp"
 #include "patch.hpp"
+#include "self_similarity.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -55,6 +56,30 @@ auto align_patches(const Image& full, const Image& half, const Patches& patches,
     return nb::ndarray<nb::numpy, float, nb::ndim<2>>(out, {n, 4}, owner);
 }
 
+auto self_similarities(const Patches& patches, const Floats<2>& offsets, int radius, float apart,
+                       int threads) {
+    const std::size_t n = patches.shape(0);
+    if (patches.shape(1) != patches.shape(2) || offsets.shape(0) != n || offsets.shape(1) != 2)
+        throw nb::value_error("self_similarity: expected patches (N,P,P), offsets (N,2)");
+    const int size = static_cast<int>(patches.shape(1));
+    float* out = new float[n * 3];
+    nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });
+    {
+        nb::gil_scoped_release release;
+        facetcam::parallel_for(static_cast<int>(n), threads, [&](int task) {
+            const std::size_t i = static_cast<std::size_t>(task);
+            const int x = size / 2 + static_cast<int>(std::lround(offsets(i, 0)));
+            const int y = size / 2 + static_cast<int>(std::lround(offsets(i, 1)));
+            const facetcam::Likeness found =
+                facetcam::self_similarity(patches.data() + i * size * size, size, x, y, radius, apart);
+            out[3 * i] = found.correlation;
+            out[3 * i + 1] = found.dx;
+            out[3 * i + 2] = found.dy;
+        });
+    }
+    return nb::ndarray<nb::numpy, float, nb::ndim<2>>(out, {n, 3}, owner);
+}
+
 }  // namespace
 
 void facetcam::bind_patch(nb::module_& m) {
@@ -62,4 +87,7 @@ void facetcam::bind_patch(nb::module_& m) {
           "patches"_a.noconvert(), "offsets"_a.noconvert(), "warps"_a.noconvert(), "start"_a.noconvert(),
           "max_shift"_a, "max_iterations"_a, "threads"_a, "isa"_a = -1,
           "Positions, correlation and spread (N, 4) of patches found in an image.");
+    m.def("self_similarity", &self_similarities, "patches"_a.noconvert(), "offsets"_a.noconvert(), "radius"_a,
+          "apart"_a, "threads"_a,
+          "Correlation of windows with the likest others of their patches, and the way there (N, 3).");
 }

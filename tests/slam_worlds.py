@@ -100,6 +100,13 @@ def look(optics: Optics, T_world_rig: Array, points: Array) -> Sight:
     return Sight(point, view, pixels, optics.plane(pixels, view))
 
 
+def distinct_corners(
+    pixels: Array, views: NDArray[np.int8], plane: Array, descriptors: NDArray[np.uint8]
+) -> Corners:
+    """Corners none of which lies on an edge."""
+    return Corners(pixels, views, plane, descriptors, np.zeros(len(pixels), np.bool_))
+
+
 def bundle_of(optics: Optics, T_world_rig: Array, points: Array, noise: Array | None = None) -> Bundle:
     """Exact observations of points by frames, the first one held; `noise` (M, 2) is added in pixels."""
     sights = [look(optics, T, points) for T in T_world_rig]

@@ -90,6 +90,13 @@ def align_patches(
     threads: int,
     isa: int = -1,
 ) -> NDArray[np.float32]: ...
+def self_similarity(
+    patches: NDArray[np.uint8],
+    offsets: NDArray[np.float32],
+    radius: int,
+    apart: float,
+    threads: int,
+) -> NDArray[np.float32]: ...
 def adjust_bundle(
     focal: float,
     T_view_rig: NDArray[np.float64],

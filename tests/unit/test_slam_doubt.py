@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import by_wheels, folded, spoiled, true_pairs
+from slam_worlds import by_wheels, distinct_corners, folded, spoiled, true_pairs
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners
@@ -181,7 +181,7 @@ def test_a_view_of_noise_is_no_liar(ryu: Optics, noisy: list[int]) -> None:
 
 
 def corners_of(pairs: Pairs) -> Corners:
-    return Corners(pairs.plane_a, pairs.views, pairs.plane_a, np.empty((len(pairs), 32), np.uint8))
+    return distinct_corners(pairs.plane_a, pairs.views, pairs.plane_a, np.empty((len(pairs), 32), np.uint8))
 
 
 def test_a_frozen_view_keeps_no_frame_in_sight(ryu: Optics) -> None:

@@ -28,10 +28,10 @@ FIRST, LAST = np.arange(POINTS), np.arange(POINTS) + POINTS * (KEYFRAMES - 1)
 
 def street() -> Map:
     """A map of keyframes one behind the other."""
-    world, none = Map(), np.empty((0, 2))
+    world = Map()
     world.points.extend(xyz=np.zeros((KEYFRAMES * POINTS, 3)))
     for k in range(KEYFRAMES):
-        corners = Corners(none, np.empty(0, np.int8), none, np.empty((0, 32), np.uint8))
+        corners = Corners.none()
         T = se3.exp([0.0, 0.0, 0.0, 0.2 * k, 0.0, 0.0])
         world.keyframes.append(Keyframe(k, float(k), T, corners, None, None))
         world.keyframes[-1].observations.append(*rows(np.arange(POINTS) + POINTS * k))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from slam_worlds import distinct_corners
 
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.config import SlamConfig
@@ -19,7 +20,7 @@ def frames(names: list[list[int]], looks: NDArray[np.uint8], step: float) -> lis
     for k, row in enumerate(names):
         ids = np.array(row)
         pixels = np.column_stack([10.0 * ids + step * k, 5.0 * (ids % 7)])
-        out.append(Corners(pixels, np.zeros(len(ids), np.int8), pixels, looks[ids]))
+        out.append(distinct_corners(pixels, np.zeros(len(ids), np.int8), pixels, looks[ids]))
     return out
 
 

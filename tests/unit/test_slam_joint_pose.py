@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import folded, in_sight, look, pyramid, spoiled, true_pairs
+from slam_worlds import distinct_corners, folded, in_sight, look, pyramid, spoiled, true_pairs
 
 from facetcam.geometry import se3
 from facetcam.slam.adjustment.adjuster import Adjuster
@@ -54,7 +54,7 @@ def doubted(
     looks, world = rng.integers(0, 256, (len(pairs), 32), np.uint8), Map()
     world.points.extend(xyz=xyz)
     for index, (pose, plane) in enumerate(((LAST, pairs.plane_a), (T, pairs.plane_b))):
-        corners = Corners(plane, pairs.views, plane, looks)
+        corners = distinct_corners(plane, pairs.views, plane, looks)
         world.keyframes.append(Keyframe(index, 0.1 * index, pose, corners, None, None))
     last, keyframe = world.keyframes
     keyframe.observations.append(seen.point, seen.view, seen.pixels, seen.plane)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from facetcam import _core
-from facetcam.slam.map.points import PATCH_SIZE, cut_patches
+from facetcam.slam.camera.patches import PATCH_SIZE, cut_patches
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]

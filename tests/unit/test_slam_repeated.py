@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from slam_worlds import distinct_corners
 
 from facetcam.slam.camera.frame import Corners, repeated
 from facetcam.slam.map.map import Keyframe, Map
@@ -19,7 +20,7 @@ def corners(kind: NDArray[np.int64], view: NDArray[np.int64], step: float, seed:
     looks = rng.integers(0, 256, (KINDS, 32), np.uint8)[kind]
     looks[:, :8] ^= rng.choice(np.array([0, 1, 16], np.uint8), (len(kind), 8))
     pixels = np.column_stack([step * np.arange(len(kind)), np.zeros(len(kind))])
-    return Corners(pixels, view.astype(np.int8), pixels, looks)
+    return distinct_corners(pixels, view.astype(np.int8), pixels, looks)
 
 
 @settings(max_examples=50, deadline=None)

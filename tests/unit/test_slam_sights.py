@@ -13,11 +13,11 @@ from slam_worlds import bundle_of, folded, in_sight, look, winding_path
 
 from facetcam.geometry import se3
 from facetcam.slam.adjustment.bundle import adjust
+from facetcam.slam.camera.edges import patch_edges
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.camera.pose import judged_pose, refine_pose
 from facetcam.slam.camera.sight import Sights, across, coordinates, seen_edges
-from facetcam.slam.map.edges import patch_edges
-from facetcam.slam.map.points import PATCH_SIZE
 
 Array = NDArray[np.float64]
 

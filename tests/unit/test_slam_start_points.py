@@ -10,9 +10,9 @@ import pytest
 from slam_worlds import folded
 
 from facetcam.geometry import se3
+from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
-from facetcam.slam.map.points import PATCH_SIZE
 from facetcam.slam.mapping.starter import _of_its_length
 from facetcam.slam.mapping.trial import Trial
 from facetcam.slam.parts import Parts

@@ -23,7 +23,7 @@ from facetcam.slam.tracking.trust import Reckoning
 
 Array = NDArray[np.float64]
 
-NOTHING = Corners(np.empty((0, 2)), np.empty(0, np.int8), np.empty((0, 2)), np.empty((0, 64), np.uint8))
+NOTHING = Corners.none()
 
 
 def keyframe(index: int, T_world_rig: Array) -> Keyframe:

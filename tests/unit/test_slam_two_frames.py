@@ -8,11 +8,20 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from slam_worlds import by_wheels, folded, in_sight, look, pyramid, single, spoiled, true_pairs
+from slam_worlds import (
+    by_wheels,
+    distinct_corners,
+    folded,
+    in_sight,
+    look,
+    pyramid,
+    single,
+    spoiled,
+    true_pairs,
+)
 
 from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
-from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.relative_pose.degenerate import standing_views
@@ -50,7 +59,7 @@ def test_matches_along_epipolars_are_those_of_all_pairs(ryu: Optics) -> None:
     looks = np.repeat(rng.integers(0, 256, (len(pairs) // 2 + 1, 32), np.uint8), 2, axis=0)[: len(pairs)]
     noise = rng.choice(np.array([0, 0, 1, 16, 64], np.uint8), (2, *looks.shape))  # everything has a double
     planes = (pairs.plane_a, pairs.plane_b)
-    a, b = (Corners(plane, pairs.views, plane, looks ^ n) for plane, n in zip(planes, noise))
+    a, b = (distinct_corners(plane, pairs.views, plane, looks ^ n) for plane, n in zip(planes, noise))
     expected = []
     for view in range(ryu.n_views):
         own = np.flatnonzero(pairs.views == view)

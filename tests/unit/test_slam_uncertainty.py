@@ -22,8 +22,7 @@ MOVED = se3.exp([0.1, -0.2, 0.7, 0.4, 1.2, 0.1])
 
 
 def keyframe(T: np.ndarray, covariance: np.ndarray | None) -> Keyframe:
-    none = np.empty((0, 2))
-    corners = Corners(none, np.empty(0, np.int8), none, np.empty((0, 32), np.uint8))
+    corners = Corners.none()
     return Keyframe(0, 0.0, T, corners, None, None, covariance=covariance)
 
 

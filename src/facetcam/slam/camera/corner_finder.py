@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.features import SIICF, Keypoints, describe
+from facetcam.slam.camera.edges import are_corners
 from facetcam.slam.camera.frame import Corners, Frame, Image
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.patches import cut_patches
 
 _LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
 _AROUND = 32  # px round a view that a detector sees, too
@@ -132,7 +134,9 @@ class CornerFinder:
         if not parts:
             return Corners.none()
         pixels, kept_views, descriptors = (np.concatenate(columns) for columns in zip(*parts))
-        return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors)
+        patches, offsets, cut = cut_patches(grey, pixels)
+        slide = cut & ~are_corners(patches, offsets)
+        return Corners(pixels, kept_views, self._optics.plane(pixels, kept_views), descriptors, slide)
 
 
 def _best_of_cells(found: Keypoints, views: NDArray[np.int8], cell: int, count: int) -> NDArray[np.int64]:

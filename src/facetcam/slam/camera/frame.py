@@ -29,18 +29,21 @@ class Corners:
     plane : (N, 2) array
         Positions on the views' ideal pinholes.
     descriptors : (N, D) uint8 array
+    slide : (N,) bool array
+        Those on an edge or a dashed line: where on it they were found says nothing.
     """
 
     pixels: NDArray[np.float64]
     views: NDArray[np.int8]
     plane: NDArray[np.float64]
     descriptors: NDArray[np.uint8]
+    slide: NDArray[np.bool_]
 
     @classmethod
     def none(cls) -> Corners:
         """No corners."""
-        nothing = np.empty((0, 2))
-        return cls(nothing, np.empty(0, np.int8), nothing, np.empty((0, DESCRIPTOR_BYTES), np.uint8))
+        nothing, looks = np.empty((0, 2)), np.empty((0, DESCRIPTOR_BYTES), np.uint8)
+        return cls(nothing, np.empty(0, np.int8), nothing, looks, np.empty(0, np.bool_))
 
     def __len__(self) -> int:
         return len(self.pixels)

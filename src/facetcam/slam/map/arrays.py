@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from facetcam.slam.camera.edges import patch_edges
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.map.checking import check
-from facetcam.slam.map.edges import patch_edges
 from facetcam.slam.map.map import Keyframe, Map, Observations
 from facetcam.slam.map.places import Places, Sightings
 

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
+from facetcam.slam.camera.edges import patch_edges
 from facetcam.slam.camera.frame import Corners, Frame, repeated
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.map.edges import patch_edges
-from facetcam.slam.map.points import Points, cut_patches, tangents
+from facetcam.slam.camera.patches import cut_patches
+from facetcam.slam.map.points import Points, tangents
 from facetcam.slam.threads import FairLock
 
 Array = NDArray[np.float64]

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from facetcam.features.descriptors import DESCRIPTOR_BYTES
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.camera.sight import Sights, Views
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-PATCH_SIZE = 39
 _CAPACITY = 1024  # points at first; doubled when full
 
 
@@ -106,19 +106,6 @@ class Points:
         self._storage["alive"][ids] = True
         self._expose()
         return ids
-
-
-def cut_patches(
-    grey: NDArray[np.uint8], pixels: Array
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]]:
-    """Square patches (N, P, P) round pixels (N, 2), the features' offsets, and which lie on the frame."""
-    half = PATCH_SIZE // 2
-    centre = np.rint(pixels).astype(np.int64)
-    height, width = grey.shape
-    kept = np.all((centre >= half) & (centre < (width - half, height - half)), axis=1)
-    windows = np.lib.stride_tricks.sliding_window_view(grey, (PATCH_SIZE, PATCH_SIZE))
-    corner = np.where(kept[:, None], centre - half, 0)
-    return windows[corner[:, 1], corner[:, 0]], (pixels - centre).astype(np.float32), kept
 
 
 def tangents(points_rig: Array, views: NDArray[np.int8], optics: Optics) -> Array:

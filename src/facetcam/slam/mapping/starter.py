@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.corner_finder import CornerFinder
+from facetcam.slam.camera.edges import are_corners
 from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
-from facetcam.slam.map.edges import are_corners
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper

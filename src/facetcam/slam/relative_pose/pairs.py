@@ -140,8 +140,8 @@ def alike(a: Corners, b: Corners, config: SlamConfig) -> Index:
 
 
 def match_corners(a: Corners, b: Corners, config: SlamConfig) -> Pairs:
-    """Corners of two frames that look alike."""
-    return Pairs.linked(a, b, alike(a, b, config))
+    """Corners of two frames that look alike, less those that may be anywhere on an edge."""
+    return Pairs.linked(a, b, np.where(a.slide, -1, alike(a, b, config)))
 
 
 def in_sight(a: Corners, pairs: Pairs) -> bool:

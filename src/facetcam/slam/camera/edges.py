@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+
+from facetcam import _core
 
 Array = NDArray[np.float64]
 
 _RADIUS = 7  # px of a patch that count
 _KERNEL = (0.25, 0.5, 0.25)
-_CORNER = 0.1  # share of the stronger gradient that the weaker one has at a corner, at least
-_WHOLE = 0.15  # where it has this share, what is found along it counts in full
+_EDGE = 0.15  # share of the stronger gradient that the weaker one has, below which errors along it count less
+_APART = 5.0  # px from which on a patch that looks like itself is found at another place
+_OTHER, _SAME = 0.8, 0.9  # correlation with that place, from which on it is hardly another, and none at all
 _LEAST = 0.1  # of what is found along an edge counts all the same: or nothing might hold a point there
+_CORNER = 0.67  # counts along the edge, at least
 
 
 def are_corners(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -19,8 +24,7 @@ def are_corners(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> NDArr
 
     At a corner there are gradients of both directions; along an edge nothing but noise changes.
     """
-    values = np.linalg.eigvalsh(_structure(_windows(patch, offset)))
-    return np.asarray(values[:, 0] > _CORNER * values[:, 1])
+    return np.asarray(_sliding(patch, offset)[0] > _CORNER)
 
 
 def patch_edges(patch: NDArray[np.uint8], offset: NDArray[np.floating], jacobian: Array) -> Array:
@@ -36,14 +40,33 @@ def patch_edges(patch: NDArray[np.uint8], offset: NDArray[np.floating], jacobian
     Returns
     -------
     (N, 2) array
-        Along the edge, of length sqrt(1 - s): s is what counts of an error along it, from one at a corner,
-        where gradients of both directions are alike, to a tenth where all of them have one.
+        Along the edge, of length sqrt(1 - s): s is what counts of an error along it, from one at a corner
+        to a tenth where the patch slides.
     """
-    values, vectors = np.linalg.eigh(_structure(_windows(patch, offset)))
-    counts = np.clip(values[:, 0] / np.maximum(values[:, 1], 1e-9) / _WHOLE, _LEAST, 1.0)
-    along = np.linalg.solve(jacobian, vectors[:, :, :1])[:, :, 0]
+    counts, way = _sliding(patch, offset)
+    along = np.linalg.solve(jacobian, way[:, :, None])[:, :, 0]
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
     return np.asarray(along * (np.sqrt(1.0 - counts) / length)[:, None])
+
+
+def _sliding(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> tuple[Array, Array]:
+    """What counts (N,) of errors the way (N, 2) that patches slide.
+
+    They slide along an edge, where all gradients have one direction, and where they find themselves again:
+    on a dashed line gradients have two.
+    """
+    values, vectors = np.linalg.eigh(_structure(_windows(patch, offset)))
+    by_gradients = np.clip(values[:, 0] / np.maximum(values[:, 1], 1e-9) / _EDGE, _LEAST, 1.0)
+    found = _core.self_similarity(
+        np.ascontiguousarray(patch),
+        np.ascontiguousarray(offset, dtype=np.float32),
+        _RADIUS,
+        _APART,
+        cv2.getNumThreads(),
+    ).astype(np.float64)
+    by_likeness = np.clip((_SAME - found[:, 0]) / (_SAME - _OTHER), _LEAST, 1.0)
+    way = np.where((by_likeness < by_gradients)[:, None], found[:, 1:], vectors[:, :, 0])
+    return np.minimum(by_gradients, by_likeness), way
 
 
 def _windows(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> Array:
