@@ -122,10 +122,6 @@ ELSEWHERE = (
     Film("stereo adapter, bedroom", _STEREO, BEDROOM[::-1], 0.3, seed=26),
     Film("five wide faces, dining", _FIVE, DINING, 0.3, seed=27),
     Film("six faces, bedroom", lambda: presets.ryu(faces=6, depth=0.045), BEDROOM[::-1], 0.7, seed=29),
-)
-
-# Other ways, and other pairs of rig and room: made after the version that they judge.
-UNSEEN = (
     Film("pyramid, dining, rough", presets.pyramid, DINING[::-1], 0.8, frames=80, seed=41),
     Film("ryu, living, rough", lambda: with_lens(presets.ryu()), LIVING, 1.0, frames=80, seed=42),
     Film(
@@ -136,6 +132,49 @@ UNSEEN = (
     Film("five wide faces, bedroom", _FIVE, BEDROOM, 0.5, frames=80, seed=46),
     Film("ryu, poor light, bedroom", presets.ryu, BEDROOM, 0.3, POOR + BUILD, frames=80, seed=47),
     Film("pyramid, bedroom", presets.pyramid, BEDROOM[::-1], 0.5, frames=80, seed=48),
+    Film("stereo adapter, living, rough", _STEREO, LIVING, 0.8, frames=80, seed=61),
+    Film("pyramid, living, poor light", presets.pyramid, LIVING[::-1], 0.3, POOR + BUILD, frames=80, seed=62),
+    Film("ryu, bedroom", lambda: with_lens(presets.ryu()), BEDROOM[::-1], 0.6, frames=80, seed=63),
+    Film(
+        "table, bedroom, rough",
+        lambda: presets.table(width=0.12, height=0.1),
+        BEDROOM[::-1],
+        0.8,
+        frames=80,
+        seed=64,
+    ),
+    Film(
+        "six faces, living, rough",
+        lambda: presets.ryu(faces=6, depth=0.045),
+        LIVING[::-1],
+        0.8,
+        frames=80,
+        seed=65,
+    ),
+    Film("five wide faces, dining, rough", _FIVE, DINING[::-1], 0.8, frames=80, seed=66),
+    Film("ryu, dining", presets.ryu, DINING[::-1], 0.5, frames=80, seed=67),
+    Film("stereo adapter, dining, back", _STEREO, DINING[::-1], 0.3, frames=80, seed=68),
+)
+
+# Other ways, and other pairs of rig and room: made for the version that they judge, after it.
+UNSEEN = (
+    Film("pyramid, living", presets.pyramid, LIVING, 0.6, frames=80, seed=81),
+    Film("ryu, rough, living, back", lambda: with_lens(presets.ryu()), LIVING[::-1], 0.9, frames=80, seed=82),
+    Film(
+        "table, living", lambda: presets.table(width=0.12, height=0.1), LIVING[::-1], 0.4, frames=80, seed=83
+    ),
+    Film("stereo adapter, bedroom, forth", _STEREO, BEDROOM, 0.6, frames=80, seed=84),
+    Film(
+        "six faces, dining, back",
+        lambda: presets.ryu(faces=6, depth=0.045),
+        DINING[::-1],
+        0.4,
+        frames=80,
+        seed=85,
+    ),
+    Film("five wide faces, living, back", _FIVE, LIVING[::-1], 0.7, frames=80, seed=86),
+    Film("ryu, poor light, dining, back", presets.ryu, DINING[::-1], 0.5, POOR + BUILD, frames=80, seed=87),
+    Film("pyramid, poor light, bedroom", presets.pyramid, BEDROOM, 0.4, POOR + BUILD, frames=80, seed=88),
 )
 
 

@@ -11,6 +11,8 @@ from slam_worlds import folded
 from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Corners, make_frame
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.config import SlamConfig
+from facetcam.slam.relative_pose.pairs import Pairs, alike, match_corners
 
 Image = NDArray[np.uint8]
 
@@ -74,3 +76,45 @@ def test_all_views_together_have_as_many_corners_as_are_asked_for(
     corners = corners_of(optics, plain_room)
     assert 0.8 * FEATURES < len(corners) <= FEATURES + optics.n_views
     np.testing.assert_array_equal(corners.views, optics.view_of(corners.pixels))
+
+
+def lattice(optics: Optics, phase: int) -> NDArray[np.float64]:
+    """A bright wall with dark spots, and upright dashed lines whose dashes lie `phase` pixels lower.
+
+    So sensors show lines that are thinner than their pixels, and where the dashes are says nothing.
+    """
+    height, width = optics.mask.shape
+    y, x = np.mgrid[:height, :width]
+    image = np.full((height, width), 170.0)
+    image[(x % 40 == 20) & ((y - phase) % 5 < 3)] = 90.0
+    coarse = np.random.default_rng(4).uniform(20.0, 170.0, (height // 4 + 1, width // 4 + 1))
+    spots = np.kron(coarse, np.ones((4, 4)))[:height, :width]
+    image = np.where((x % 40 < 12) & (y % 90 < 12), spots, image)
+    return np.asarray(image + np.random.default_rng(phase).normal(0.0, 0.5, image.shape))
+
+
+def test_corners_on_dashed_lines_are_known_to_slide(optics: Optics) -> None:
+    corners = corners_of(optics, lattice(optics, 0))
+    column, row = corners.pixels.T
+    on_line = np.abs(column % 40 - 20) < 3
+    on_spot = ((column + 2) % 40 < 16) & ((row + 2) % 90 < 16)
+    assert on_line.sum() > 50 and on_spot.sum() > 50
+    assert corners.slide[on_line].mean() > 0.95
+    assert corners.slide[on_spot].mean() < 0.05
+
+
+def test_a_few_of_them_are_enough_and_all_others_stay(optics: Optics) -> None:
+    corners = corners_of(optics, lattice(optics, 0))
+    cell = int(3 * np.sqrt(np.count_nonzero(optics.mask) / FEATURES))
+    home = np.column_stack([corners.views, corners.pixels // cell])
+    in_cells = [np.unique(home[r], axis=0, return_counts=True)[1] for r in (corners.slide, ~corners.slide)]
+    assert in_cells[0].max() == 3 < in_cells[1].max()
+
+
+def test_they_say_nothing_of_how_the_rig_moves(optics: Optics) -> None:
+    a, b = (corners_of(optics, lattice(optics, phase)) for phase in (0, 2))
+    blind = Pairs.linked(a, b, alike(a, b, SlamConfig()))
+    assert np.mean(blind.move()) > 0.2  # the dashes have moved, the wall has not
+    pairs = match_corners(a, b, SlamConfig())
+    assert len(pairs) > 40
+    assert np.mean(pairs.move()) < 0.02

@@ -19,6 +19,7 @@ from facetcam.slam.camera.patches import cut_patches
 _LEAST_RESPONSE = 0.001  # far below the detector's own: patches and geometry will judge weak corners
 _AROUND = 32  # px round a view that a detector sees, too
 _SAMPLED = 4  # px between those that tell how dark a frame is
+_ON_EDGES = 3  # corners in a cell, of those that slide
 _GRID = 8  # px: boxes begin where pixels of the coarsest octave do
 
 
@@ -114,7 +115,8 @@ class CornerFinder:
             found = Keypoints.joined([p.corners(frame.grey, black, self._features) for p in self._panes])
             views = self._optics.view_of(found.xy.astype(np.float64))
             chosen = _best_of_cells(found, views, self._cell, self._most)
-            corners = self._describe(frame.grey, found[chosen], views[chosen])
+            described = self._describe(frame.grey, found[chosen], views[chosen])
+            corners = _few_on_edges(described, self._cell)
             frame.colours = colours(frame.grey if frame.image is None else frame.image, corners.pixels)
             frame.corners, frame.image = corners, None
         return frame.corners
@@ -141,12 +143,29 @@ class CornerFinder:
 
 def _best_of_cells(found: Keypoints, views: NDArray[np.int8], cell: int, count: int) -> NDArray[np.int64]:
     """Rows of so many keypoints: the best of every cell of every view, then every second best, and so on."""
-    column, row = (found.xy // cell).astype(np.int64).T
+    best = np.argsort(-found.response, kind="stable")
+    rank = _ranks(found.xy[best], views[best], cell)
+    return np.asarray(best[np.argsort(rank, kind="stable")[:count]])
+
+
+def _few_on_edges(corners: Corners, cell: int) -> Corners:
+    """The same corners, but of those on edges only the first ones of every cell.
+
+    All those on one line err alike, as it is drawn: many of them are no more witnesses than some.
+    """
+    slide = np.flatnonzero(corners.slide)
+    rank = _ranks(corners.pixels[slide], corners.views[slide], cell)
+    return corners.without(slide[rank >= _ON_EDGES])
+
+
+def _ranks(xy: NDArray[np.floating], views: NDArray[np.int8], cell: int) -> NDArray[np.int64]:
+    """How many of the rows before each one (N,) lie in the same cell of the same view."""
+    column, row = (xy // cell).astype(np.int64).T
     home = (views.astype(np.int64) << 32) + (row << 16) + column
-    order = np.lexsort((-found.response, home))
+    order = np.argsort(home, kind="stable")
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order)) - np.searchsorted(home[order], home[order])
-    return np.sort(np.lexsort((-found.response, rank))[:count])
+    return rank
 
 
 def _black_level(grey: Image, mask: Image) -> float:

@@ -55,8 +55,8 @@ def _sliding(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> tuple[Ar
     They slide along an edge, where all gradients have one direction, and where they find themselves again:
     on a dashed line gradients have two.
     """
-    values, vectors = np.linalg.eigh(_structure(_windows(patch, offset)))
-    by_gradients = np.clip(values[:, 0] / np.maximum(values[:, 1], 1e-9) / _EDGE, _LEAST, 1.0)
+    share, along = _gradients(_windows(patch, offset))
+    by_gradients = np.clip(share / _EDGE, _LEAST, 1.0)
     found = _core.self_similarity(
         np.ascontiguousarray(patch),
         np.ascontiguousarray(offset, dtype=np.float32),
@@ -65,7 +65,7 @@ def _sliding(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> tuple[Ar
         cv2.getNumThreads(),
     ).astype(np.float64)
     by_likeness = np.clip((_SAME - found[:, 0]) / (_SAME - _OTHER), _LEAST, 1.0)
-    way = np.where((by_likeness < by_gradients)[:, None], found[:, 1:], vectors[:, :, 0])
+    way = np.where((by_likeness < by_gradients)[:, None], found[:, 1:], along)
     return np.minimum(by_gradients, by_likeness), way
 
 
@@ -79,10 +79,15 @@ def _windows(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> Array:
     return np.asarray(a * rows[:, :, :-2] + b * rows[:, :, 1:-1] + c * rows[:, :, 2:])
 
 
-def _structure(window: Array) -> Array:
-    """Sums (N, 2, 2) of products of gradients."""
+def _gradients(window: Array) -> tuple[Array, Array]:
+    """Share (N,) of the stronger gradient that the weaker one has, and the way (N, 2) of the weaker one.
+
+    Eigenvalues of the structure tensor, and an eigenvector.
+    """
     x = window[:, 1:-1, 2:] - window[:, 1:-1, :-2]
     y = window[:, 2:, 1:-1] - window[:, :-2, 1:-1]
-    x, y = x.reshape(len(x), x.shape[1] * x.shape[2]), y.reshape(len(y), y.shape[1] * y.shape[2])
-    gradient = np.stack([x, y], axis=1)
-    return np.asarray(gradient @ np.swapaxes(gradient, 1, 2))
+    xx, xy, yy = (np.sum(product, axis=(1, 2)) for product in (x * x, x * y, y * y))
+    middle, apart = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    stronger = 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    way = np.column_stack([-np.sin(stronger), np.cos(stronger)])
+    return (middle - apart) / np.maximum(middle + apart, 1e-9), way

@@ -48,6 +48,13 @@ class Corners:
     def __len__(self) -> int:
         return len(self.pixels)
 
+    def without(self, rows: NDArray[np.int64]) -> Corners:
+        """All but some of them."""
+        kept = np.delete(np.arange(len(self)), rows)
+        return Corners(
+            self.pixels[kept], self.views[kept], self.plane[kept], self.descriptors[kept], self.slide[kept]
+        )
+
 
 @dataclass(slots=True)
 class Frame:

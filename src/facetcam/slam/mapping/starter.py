@@ -208,7 +208,7 @@ class Starter:
         """Tell whether enough points of the map are corners."""
         points = self._map.points
         corners = are_corners(points.patch[points.alive], points.offset[points.alive])
-        return int(np.count_nonzero(corners)) >= MIN_MATCHES
+        return int(np.count_nonzero(corners)) >= MIN_MATCHES // 2
 
     def _too_few_or_far(self, a: Keyframe) -> bool:
         xyz = self._map.points.xyz[self._map.points.alive]

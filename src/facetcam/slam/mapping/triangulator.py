@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from facetcam.geometry import se3
 from facetcam.geometry.triangulation import triangulate_two_rays
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.camera.sight import across, linearise_sight
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import measure, predict
@@ -55,6 +56,9 @@ class Triangulator:
         a, b, xyz = a[consistent], b[consistent], xyz[consistent]
         ids, kept = self._map.add_points(xyz, new, a, self._optics)
         a, b = a[kept], b[kept]
+        told = self._told(ids, new, a, old, b)
+        self._map.points.alive[ids[~told]] = False
+        ids, a, b = ids[told], a[told], b[told]
         confirmed = self._confirm(ids, old, old.corners.pixels[b], old.corners.views[b])
         self._map.points.alive[ids[~confirmed]] = False
         ids, a, b = ids[confirmed], a[confirmed], b[confirmed]
@@ -81,6 +85,16 @@ class Triangulator:
             plane, depth = self._optics.to_plane(points_rig, views)
             good &= (depth > 0) & (np.linalg.norm(plane - keyframe.corners.plane[rows], axis=1) < gate)
         return xyz, good
+
+    def _told(self, ids: Index, new: Keyframe, a: Index, old: Keyframe, b: Index) -> NDArray[np.bool_]:
+        """Points whose distance the older keyframe tells: on an edge, what lies across it does."""
+        xyz, views = self._map.points.xyz[ids], old.corners.views[b]
+        origins = se3.transform(new.T_world_rig, self._optics.origins(new.corners.views[a]))
+        seen = self._map.points.sights(ids, views, old.corners.plane[b], old.T_world_rig, self._optics)
+        by_rig = linearise_sight(old.T_world_rig, *seen[:3], self._optics)[1]
+        by_distance = np.einsum("nij,nj->ni", by_rig, (xyz - origins) @ old.T_world_rig[:3, :3])
+        told = np.linalg.norm(across(seen.edge, by_distance), axis=1) / self._optics.focal
+        return np.asarray(told > self._config.min_parallax)
 
     def _confirm(
         self, ids: Index, old: Keyframe, pixels: Array, views: NDArray[np.int8]
