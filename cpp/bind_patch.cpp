@@ -61,6 +61,8 @@ auto self_similarities(const Patches& patches, const Floats<2>& offsets, int rad
     const std::size_t n = patches.shape(0);
     if (patches.shape(1) != patches.shape(2) || offsets.shape(0) != n || offsets.shape(1) != 2)
         throw nb::value_error("self_similarity: expected patches (N,P,P), offsets (N,2)");
+    if (radius < 0 || radius > facetcam::kMostRadius)
+        throw nb::value_error("self_similarity: a window's radius is 7 pixels at most");
     const int size = static_cast<int>(patches.shape(1));
     float* out = new float[n * 3];
     nb::capsule owner(out, [](void* p) noexcept { delete[] static_cast<float*>(p); });

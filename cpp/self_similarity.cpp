@@ -7,7 +7,7 @@
 namespace facetcam {
 namespace {
 
-constexpr int kLanes = 16;  // columns of a window are padded to as many: its rows are multiplied at once
+constexpr int kLanes = 2 * kMostRadius + 2;  // columns of a window are padded to as many
 
 // Sums over windows of an image, from those over all that is above and left of a pixel. These may wrap round;
 // their differences do not.
@@ -62,7 +62,7 @@ struct Smoothed {
 Likeness self_similarity(const std::uint8_t* patch, int size, int x, int y, int radius, float apart) {
     const int width = 2 * radius + 1, left = x - radius, top = y - radius;
     Likeness best{-1.0f, 0.0f, 0.0f};
-    if (width > kLanes || left < 0 || top < 0 || left + width > size || top + width > size) return best;
+    if (left < 0 || top < 0 || left + width > size || top + width > size) return best;
     const Smoothed image(patch, size);
     const WindowSums sums(size, [&](int u, int v) { return image.at(u, v); });
     const WindowSums squares(size, [&](int u, int v) { return image.at(u, v) * image.at(u, v); });

@@ -4,6 +4,8 @@
 
 namespace facetcam {
 
+constexpr int kMostRadius = 7;  // of a window: its rows are multiplied 16 pixels at once
+
 struct Likeness {
     float correlation;  // zero-mean normalised, -1 where there was nothing to compare
     float dx, dy;       // whole pixels to the likest place

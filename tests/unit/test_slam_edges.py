@@ -91,3 +91,9 @@ def test_nothing_is_like_a_flat_patch() -> None:
     flat, middle = np.full((1, PATCH_SIZE, PATCH_SIZE), 255, np.uint8), np.zeros((1, 2), np.float32)
     found = _core.self_similarity(flat, middle, RADIUS, APART, 1)
     np.testing.assert_array_equal(found, [[-1.0, 0.0, 0.0]])
+
+
+def test_a_window_that_is_too_large_is_refused() -> None:
+    patch, middle = np.zeros((1, PATCH_SIZE, PATCH_SIZE), np.uint8), np.zeros((1, 2), np.float32)
+    with pytest.raises(ValueError, match="radius"):
+        _core.self_similarity(patch, middle, RADIUS + 1, APART, 1)

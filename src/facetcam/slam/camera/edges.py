@@ -1,4 +1,4 @@
-"""Which map points are corners, and which lie on an edge, along which their patches slide: where it runs."""
+"""Which patches show a corner, and which an edge, along which they slide: where it runs."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ _EDGE = 0.15  # share of the stronger gradient that the weaker one has, below wh
 _APART = 5.0  # px from which on a patch that looks like itself is found at another place
 _OTHER, _SAME = 0.8, 0.9  # correlation with that place, from which on it is hardly another, and none at all
 _LEAST = 0.1  # of what is found along an edge counts all the same: or nothing might hold a point there
-_CORNER = 0.67  # counts along the edge, at least
+_CORNER = 0.67  # more than this counts along what is no edge
 
 
 def are_corners(patch: NDArray[np.uint8], offset: NDArray[np.floating]) -> NDArray[np.bool_]:
     """Tell of patches (N, P, P), with their points at offsets (N, 2) from the middle, which show a corner.
 
-    At a corner there are gradients of both directions; along an edge nothing but noise changes.
+    At a corner there are gradients of both directions; along an edge nothing but noise changes, and a dashed
+    line repeats.
     """
     return np.asarray(_sliding(patch, offset)[0] > _CORNER)
 
