@@ -116,3 +116,25 @@ def test_a_place_farther_off_than_the_map_can_be_is_a_look_alike(
     closer = returning(monkeypatch, map, (away, 0.0, 0.0))
     monkeypatch.setattr(closer, "_close", lambda *_: loops.Loop(40, 0, 50, away))
     assert int(closer.close(map.keyframes[-1], metric) is not None) == closes
+
+
+@pytest.mark.parametrize(("again", "closed"), [(40, 0), (18, 1), (9, 0)])
+def test_a_film_may_end_as_its_loop_closes(again: int, closed: int) -> None:
+    """Two keyframes see old points in the end, neither enough to close a loop under way: it counts once."""
+    map = driven(winding_path(60))
+    map.points.extend(xyz=np.zeros((1000, 3)))
+    for k, keyframe in enumerate(map.keyframes):
+        keyframe.observations.point = np.arange(10 * k, 10 * k + 40)
+    last = map.keyframes[-1]
+    for first, keyframe in zip((0, 50), (last, map.keyframes[-2])):
+        seen = keyframe.observations
+        seen.point = np.concatenate([np.arange(first, first + again), seen.point])
+    closer = LoopCloser(map, Stub(), SlamConfig(), Stub(), Stub(), Stub())  # type: ignore[arg-type]
+    under_way = closer.close(last, metric=True) if again == 40 else None
+    assert (under_way is not None) == (again == 40)
+    assert [int(closer.ends_in_a_loop()) for _ in range(2)] == [closed, 0]
+
+
+def test_a_map_without_keyframes_ends_in_no_loop() -> None:
+    closer = LoopCloser(Map(), Stub(), SlamConfig(), Stub(), Stub(), Stub())  # type: ignore[arg-type]
+    assert not closer.ends_in_a_loop()

@@ -107,6 +107,7 @@ class Grower:
             self._mapper.seek_scale()
         self._mapper.handovers.take_up()
         if last:
+            self.loops += self._closer.ends_in_a_loop()
             self._adjuster.adjust_coarsely()  # out of what minima the map has fallen into on its way
         for _ in range(_LAST_ROUNDS if last else 1):
             self._adjuster.wheels.compare(self._map.keyframes, self.scale_sigma)

@@ -93,12 +93,29 @@ class LoopCloser:
         Only mapping may call this: nothing else changes what is read here. The lock is held where the map is
         changed, so that tracking goes on while the rest is computed.
         """
-        if keyframe.index - self._last < self._away or keyframe.frame is None:
+        if not self._is_away(keyframe) or keyframe.frame is None:
             return None
         loop = self._tracked(keyframe) or self._recognised(keyframe, metric)
         if loop is not None:
             self._last = keyframe.index
         return loop
+
+    def ends_in_a_loop(self) -> bool:
+        """Tell whether the last keyframes together see old points again, though none saw enough by itself.
+
+        A film may end so; the last adjustment of the map closes the loop.
+        """
+        keyframes, last = self._map.keyframes, self._map.keyframes[-self._config.window :]
+        if not last or not self._is_away(last[-1]):
+            return False
+        first_recent = self._first_recent(last[0])
+        old = self._map.observed_points(keyframes[:first_recent])
+        recent = self._map.observed_points(keyframes[first_recent : last[0].index])
+        again = np.intersect1d(self._map.observed_points(last), np.setdiff1d(old, recent))
+        if len(again) < _RETURNED:
+            return False
+        self._last = last[-1].index
+        return True
 
     def forget(self) -> None:
         """Begin with another map."""
@@ -128,6 +145,10 @@ class LoopCloser:
     @property
     def _away(self) -> int:
         return _AWAY * self._config.window
+
+    def _is_away(self, keyframe: Keyframe) -> bool:
+        """Tell whether the last loop was closed long ago."""
+        return keyframe.index - self._last >= self._away
 
     def _first_recent(self, keyframe: Keyframe) -> int:
         return max(keyframe.index - self._away, self._map.since)
