@@ -65,6 +65,18 @@ def ahead() -> Rig:
     return Rig(camera, T, {}, {"direct": View(())})
 
 
+def _ryu() -> Rig:
+    return with_lens(presets.ryu())
+
+
+def _six_faces() -> Rig:
+    return presets.ryu(faces=6, depth=0.045)
+
+
+def _table() -> Rig:
+    return presets.table(width=0.12, height=0.1)
+
+
 @dataclass(frozen=True)
 class Film:
     """A film to be made: rig, way, roughness (1: ramps of 15 cm, tilts of some degrees), light."""
@@ -83,9 +95,9 @@ class Film:
 
 
 FILMS = (
-    Film("ryu, rough", lambda: with_lens(presets.ryu()), BEDROOM, rough=1.0, seed=11),
+    Film("ryu, rough", _ryu, BEDROOM, rough=1.0, seed=11),
     Film("pyramid, rough", presets.pyramid, DINING, rough=1.0, seed=12),
-    Film("ryu, poor light", lambda: with_lens(presets.ryu()), DINING, 0.3, POOR + BUILD, seed=13),
+    Film("ryu, poor light", _ryu, DINING, 0.3, POOR + BUILD, seed=13),
     Film(
         "five wide faces",
         lambda: make_rig(read_spec(DESIGNS / "five-face-pyramid.yaml")),
@@ -103,8 +115,8 @@ FILMS = (
         seed=15,
     ),
     Film("one camera", lambda: with_lens(ahead()), LIVING, 0.5, frames=80, seed=16),
-    Film("table", lambda: presets.table(width=0.12, height=0.1), DINING[::-1], 0.3, frames=80, seed=17),
-    Film("ryu, six faces", lambda: presets.ryu(faces=6, depth=0.045), LIVING, 0.0, frames=80, seed=18),
+    Film("table", _table, DINING[::-1], 0.3, frames=80, seed=17),
+    Film("ryu, six faces", _six_faces, LIVING, 0.0, frames=80, seed=18),
 )
 
 _FIVE = next(film for film in FILMS if film.name == "five wide faces").rig
@@ -112,45 +124,29 @@ _STEREO = next(film for film in FILMS if film.name == "stereo adapter").rig
 
 # The same rigs elsewhere.
 ELSEWHERE = (
-    Film("ryu, rough, dining", lambda: with_lens(presets.ryu()), DINING, 1.0, seed=21),
-    Film("ryu, poor light, rough", lambda: with_lens(presets.ryu()), DINING, 1.0, POOR + BUILD, seed=22),
+    Film("ryu, rough, dining", _ryu, DINING, 1.0, seed=21),
+    Film("ryu, poor light, rough", _ryu, DINING, 1.0, POOR + BUILD, seed=22),
     Film("ryu, poor light, living", presets.ryu, LIVING, 0.2, POOR + BUILD, seed=28),
-    Film("table, rough, living", lambda: presets.table(width=0.12, height=0.1), LIVING, 1.0, seed=23),
-    Film("table, bedroom", lambda: presets.table(width=0.12, height=0.1), BEDROOM, 0.2, seed=30),
+    Film("table, rough, living", _table, LIVING, 1.0, seed=23),
+    Film("table, bedroom", _table, BEDROOM, 0.2, seed=30),
     Film("pyramid, dining", presets.pyramid, DINING[::-1], seed=24),
     Film("pyramid, rough, living", presets.pyramid, LIVING, 1.0, seed=25),
     Film("stereo adapter, bedroom", _STEREO, BEDROOM[::-1], 0.3, seed=26),
     Film("five wide faces, dining", _FIVE, DINING, 0.3, seed=27),
-    Film("six faces, bedroom", lambda: presets.ryu(faces=6, depth=0.045), BEDROOM[::-1], 0.7, seed=29),
+    Film("six faces, bedroom", _six_faces, BEDROOM[::-1], 0.7, seed=29),
     Film("pyramid, dining, rough", presets.pyramid, DINING[::-1], 0.8, frames=80, seed=41),
-    Film("ryu, living, rough", lambda: with_lens(presets.ryu()), LIVING, 1.0, frames=80, seed=42),
-    Film(
-        "table, dining, rough", lambda: presets.table(width=0.12, height=0.1), DINING, 1.0, frames=80, seed=43
-    ),
+    Film("ryu, living, rough", _ryu, LIVING, 1.0, frames=80, seed=42),
+    Film("table, dining, rough", _table, DINING, 1.0, frames=80, seed=43),
     Film("stereo adapter, dining", _STEREO, DINING, 0.5, frames=80, seed=44),
-    Film("six faces, dining", lambda: presets.ryu(faces=6, depth=0.045), DINING, 0.6, frames=80, seed=45),
+    Film("six faces, dining", _six_faces, DINING, 0.6, frames=80, seed=45),
     Film("five wide faces, bedroom", _FIVE, BEDROOM, 0.5, frames=80, seed=46),
     Film("ryu, poor light, bedroom", presets.ryu, BEDROOM, 0.3, POOR + BUILD, frames=80, seed=47),
     Film("pyramid, bedroom", presets.pyramid, BEDROOM[::-1], 0.5, frames=80, seed=48),
     Film("stereo adapter, living, rough", _STEREO, LIVING, 0.8, frames=80, seed=61),
     Film("pyramid, living, poor light", presets.pyramid, LIVING[::-1], 0.3, POOR + BUILD, frames=80, seed=62),
-    Film("ryu, bedroom", lambda: with_lens(presets.ryu()), BEDROOM[::-1], 0.6, frames=80, seed=63),
-    Film(
-        "table, bedroom, rough",
-        lambda: presets.table(width=0.12, height=0.1),
-        BEDROOM[::-1],
-        0.8,
-        frames=80,
-        seed=64,
-    ),
-    Film(
-        "six faces, living, rough",
-        lambda: presets.ryu(faces=6, depth=0.045),
-        LIVING[::-1],
-        0.8,
-        frames=80,
-        seed=65,
-    ),
+    Film("ryu, bedroom", _ryu, BEDROOM[::-1], 0.6, frames=80, seed=63),
+    Film("table, bedroom, rough", _table, BEDROOM[::-1], 0.8, frames=80, seed=64),
+    Film("six faces, living, rough", _six_faces, LIVING[::-1], 0.8, frames=80, seed=65),
     Film("five wide faces, dining, rough", _FIVE, DINING[::-1], 0.8, frames=80, seed=66),
     Film("ryu, dining", presets.ryu, DINING[::-1], 0.5, frames=80, seed=67),
     Film("stereo adapter, dining, back", _STEREO, DINING[::-1], 0.3, frames=80, seed=68),
@@ -159,19 +155,10 @@ ELSEWHERE = (
 # Other ways, and other pairs of rig and room: made for the version that they judge, after it.
 UNSEEN = (
     Film("pyramid, living", presets.pyramid, LIVING, 0.6, frames=80, seed=81),
-    Film("ryu, rough, living, back", lambda: with_lens(presets.ryu()), LIVING[::-1], 0.9, frames=80, seed=82),
-    Film(
-        "table, living", lambda: presets.table(width=0.12, height=0.1), LIVING[::-1], 0.4, frames=80, seed=83
-    ),
+    Film("ryu, rough, living, back", _ryu, LIVING[::-1], 0.9, frames=80, seed=82),
+    Film("table, living", _table, LIVING[::-1], 0.4, frames=80, seed=83),
     Film("stereo adapter, bedroom, forth", _STEREO, BEDROOM, 0.6, frames=80, seed=84),
-    Film(
-        "six faces, dining, back",
-        lambda: presets.ryu(faces=6, depth=0.045),
-        DINING[::-1],
-        0.4,
-        frames=80,
-        seed=85,
-    ),
+    Film("six faces, dining, back", _six_faces, DINING[::-1], 0.4, frames=80, seed=85),
     Film("five wide faces, living, back", _FIVE, LIVING[::-1], 0.7, frames=80, seed=86),
     Film("ryu, poor light, dining, back", presets.ryu, DINING[::-1], 0.5, POOR + BUILD, frames=80, seed=87),
     Film("pyramid, poor light, bedroom", presets.pyramid, BEDROOM, 0.4, POOR + BUILD, frames=80, seed=88),
