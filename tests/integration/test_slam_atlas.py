@@ -94,15 +94,7 @@ def test_each_map_keeps_its_own_path(parted: tuple[Slam, list[State]], drive: Dr
     assert np.diff(paths[0][0]).max() < 0.15  # frames between the two that began it have poses, too
 
 
-_SMALL_STEP = (
-    "sight begins the second map with a step a third as long; still adapting, it is lost for 4 frames"
-)
-
-
-@pytest.mark.parametrize(
-    ("leaves", "meets"),
-    [(28, 46), pytest.param(LEAVES, MEETS, marks=pytest.mark.xfail(reason=_SMALL_STEP, strict=True))],
-)
+@pytest.mark.parametrize(("leaves", "meets"), [(28, 46), (LEAVES, MEETS)])
 def test_maps_are_joined_where_they_meet(images: list[Image], drive: Drive, leaves: int, meets: int) -> None:
     """Two mirrors show the first room again while the others still show the second one."""
     rig = folded()

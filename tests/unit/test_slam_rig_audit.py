@@ -102,6 +102,7 @@ def test_the_rig_is_asked_whenever_the_whole_map_is_adjusted(factor: float, deni
     world = mapped(rig, optics, path, np.random.default_rng(7), 0.2)
     adjuster, check, nothing = Adjuster(world, optics, CONFIG), RigCheck(optics, CONFIG, Mock()), Mock()
     nothing.handovers.evidence().tested = lambda sigma, _: sigma
+    nothing.ends_in_a_loop.return_value = False
     grower = Grower(world, nothing, nothing, adjuster, nothing, check, optics, CONFIG)
     grower.adjust_all(last=True)
     assert grower.metric

@@ -64,6 +64,14 @@ def test_a_likely_pose_where_the_rig_is_expected_yields_to_no_look_alike() -> No
     assert likelier(None, elsewhere) is elsewhere and likelier(near, None) is near
 
 
+def test_it_yields_to_a_clear_pose_that_is_far_better() -> None:
+    """As seen in a saved map: what was expected was found in one view of four, with 38 of 100 points."""
+    near, there = fix([25, 33], [97, 56], SHARP), fix([88, 54], [91, 54], SHARP, position=0.24)
+    assert likelier(near, there) is there
+    assert likelier(fix([60, 40], [97, 56], SHARP), there) is not there  # clear itself
+    assert likelier(near, fix([88, 54], [250, 120], SHARP, position=0.24)) is near  # most of it is missing
+
+
 def test_a_jump_needs_a_second_view_or_wheels() -> None:
     """Tracking that is not lost may still slide on to a look-alike, in one view or with few in each."""
     one_view, expected = [0, 60, 0, 0], [60, 80, 60, 60]

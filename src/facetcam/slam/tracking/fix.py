@@ -19,6 +19,7 @@ _SURE = 0.75  # mean of what the measurements of a pose count that none betters
 _CLEAR = 0.5  # share of the predictions that a good pose confirms
 _LIKELY = 0.3  # and one from afar, or with views that are dark or covered
 _BY_CHANCE = 0.2  # share of the predictions that any pose may find
+_FAR_BETTER = 2.0  # times the score that a look-alike elsewhere may reach
 _VIEWS = 128  # at most
 BESIDE = (0.2, 0.2)  # radians and metres within which two poses are one place
 _SHARP = (1.0, 0.7)  # px, and the share of the measurements that fit a right pose so well
@@ -79,10 +80,14 @@ class Fix:
 
 
 def likelier(near: Fix | None, other: Fix | None) -> Fix | None:
-    """The better one, but for look-alikes elsewhere: a likely pose where the rig should be needs no other."""
+    """The better one, but for look-alikes elsewhere: a likely pose where the rig should be needs no other.
+
+    Unless that one is clear, and far better: then the rig was not going where it seemed to.
+    """
     if near is None or other is None or not near.likely or beside(near.T_world_rig, other.T_world_rig):
         return better(near, other)
-    return near
+    far_better = other.clear and not near.clear and other.score > _FAR_BETTER * near.score
+    return other if far_better else near
 
 
 def beside(a: Array, b: Array, within: tuple[float, float] = BESIDE) -> bool:
