@@ -142,3 +142,21 @@ def test_derivatives_by_the_rig_are_the_slope_of_the_residuals(name: str, glass:
         slope = (residuals[0] - residuals[1]) / 0.1
         assert np.abs(slope).max() > 1e-3
         np.testing.assert_allclose(found[:, :, index], slope, atol=0.03 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize(
+    ("gain", "moved", "denies"),
+    [
+        (6.2, 2.7, True),
+        (6.2, 1.3, False),
+        (4.5, 2.7, False),
+        (7.5, 0.6, True),
+        (7.5, 0.4, False),
+        (9.5, 0.1, True),
+    ],
+)
+def test_what_moves_farther_than_any_true_rig_needs_less_gain(
+    gain: float, moved: float, denies: bool
+) -> None:
+    """As seen of a lens wrong by 3 %: between two judgements that denied it the gain fell to 6.2."""
+    assert RigAudit({"fx": 0.1, "fy": -moved}, gain).denies == denies

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 # rigs gain up to 4 in films of the house, 8 in rooms of coarse patterns; in the house a lens wrong by 1 %
 # gains 13 to 28.
 _HARDLY_BY_CHANCE, _NOTABLE = 7.0, 0.5  # and how far a number moves then, of what a careful build leaves open
+_PERHAPS, _FAR = 5.0, 2.0  # the same of numbers that move farther than those of any true rig (1.3)
 _SURE = 9.0  # however little it moves
 
 
@@ -48,8 +49,9 @@ class RigAudit:
     @property
     def denies(self) -> bool:
         """True where the images are sure of another rig."""
-        notable = self.gain > _HARDLY_BY_CHANCE and abs(self.moved[self.worst]) > _NOTABLE
-        return notable or self.gain > _SURE
+        most = abs(self.moved[self.worst])
+        notable = self.gain > _HARDLY_BY_CHANCE and most > _NOTABLE
+        return notable or self.gain > _SURE or (self.gain > _PERHAPS and most > _FAR)
 
     @property
     def complaint(self) -> str:
