@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 # rigs gain up to 4 in films of the house, 8 in rooms of coarse patterns; in the house a lens wrong by 1 %
 # gains 13 to 28.
 _HARDLY_BY_CHANCE, _NOTABLE = 7.0, 0.5  # and how far a number moves then, of what a careful build leaves open
-_PERHAPS, _FAR = 5.0, 2.0  # the same of numbers that move farther than those of any true rig (1.3)
+_PERHAPS, _FAR = 5.0, 2.0  # the same of numbers that move farther than those of true rigs (1.3 at most)
 _SURE = 9.0  # however little it moves
 
 
