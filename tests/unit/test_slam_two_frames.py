@@ -31,6 +31,7 @@ from facetcam.slam.relative_pose.pairs import Pairs
 from facetcam.slam.relative_pose.two_frames import (
     MIN_MATCHES,
     confirmed_motion,
+    enough_parallax,
     estimate_motion,
 )
 
@@ -254,6 +255,27 @@ def test_one_view_alone_starts_no_map_where_others_see_the_same_motion(ryu: Opti
     assert estimate_motion(one_view, ryu) is None
     alone = Pairs(pairs.views[near], pairs.plane_a[near], pairs.plane_b[near])
     assert estimate_motion(alone, ryu) is not None
+
+
+@pytest.mark.parametrize(
+    ("length", "count", "enough"), [(1.0, 34, True), (1.0, 26, False), (0.02, 300, False)]
+)
+def test_wheels_that_the_images_bear_out_start_a_map_with_as_few_pairs_as_sight(
+    ryu: Optics, length: float, count: int, enough: bool
+) -> None:
+    """Thirty that show parallax; where six small views see a little each, more had taken five seconds."""
+    T = MOTION.copy()
+    T[:3, 3] *= length
+    rng = np.random.default_rng(32)
+    pairs = true_pairs(ryu, T, rng)
+    telling = pairs.parallax(T, ryu)[1] > 0.03 * length
+    every = rng.permutation(np.flatnonzero(telling))[:count]
+    looks = rng.integers(0, 256, (count, 32), np.uint8)
+    a, b = (
+        distinct_corners(p[every], pairs.views[every], p[every], looks)
+        for p in (pairs.plane_a, pairs.plane_b)
+    )
+    assert enough_parallax(a, b, T, ryu, SlamConfig(), np.empty(0, np.int64), several=True) == enough
 
 
 def still_in(pairs: Pairs, view: int, rng: np.random.Generator) -> Pairs:

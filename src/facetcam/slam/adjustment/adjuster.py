@@ -159,10 +159,11 @@ class Adjuster:
             bundle.nuisances = bundle.nuisances.believed()
             noise = typical_noise(bundle, self._optics, sigma)
         poses, xyz, nuisances = adjust(bundle, self._optics, loss * sigma, *stop, noise=noise)
-        factors = growth(bundle, poses, xyz)
+        of_keyframes, of_points = growth(bundle, poses, xyz, self._optics)
         with self._map.lock:
             self._map.points.xyz[used] = xyz
-            for keyframe, T, factor in zip(keyframes, poses, factors):
+            self._map.points.tangent[used] *= of_points[:, None, None]  # a pixel is a longer step from afar
+            for keyframe, T, factor in zip(keyframes, poses, of_keyframes):
                 keyframe.T_world_rig = T
                 keyframe.grow(float(factor))
             if len(nuisances):

@@ -159,15 +159,29 @@ def adjust(
     return T_world_rig, points, values[:N]
 
 
-def growth(bundle: Bundle, T_world_rig: Array, points: Array) -> Array:
-    """Factor (K,) by which an adjustment moved the points away from each keyframe, at the median."""
-    before, after = (
-        np.linalg.norm(xyz[bundle.point] - T[bundle.frame, :3, 3], axis=1)
-        for xyz, T in ((bundle.points, bundle.T_world_rig), (points, T_world_rig))
-    )
-    ratio = after / np.maximum(before, 1e-9)
+def growth(bundle: Bundle, T_world_rig: Array, points: Array, optics: Optics) -> tuple[Array, Array]:
+    """By which factors an adjustment moved points away from the views that see them.
+
+    Returns
+    -------
+    of_keyframes : (K,) array
+        At the median of the points that each of them sees.
+    of_points : (N,) array
+        From the view that saw a point first.
+    """
+    before = _distances(bundle, bundle.T_world_rig, bundle.points, optics)
+    ratio = _distances(bundle, T_world_rig, points, optics) / np.maximum(before, 1e-9)
     rows = [ratio[bundle.frame == k] for k in range(len(T_world_rig))]
-    return np.array([np.median(r) if len(r) else 1.0 for r in rows])
+    of_points = np.ones(len(points))
+    seen, first = np.unique(bundle.point, return_index=True)
+    of_points[seen] = ratio[first]
+    return np.array([np.median(r) if len(r) else 1.0 for r in rows]), of_points
+
+
+def _distances(bundle: Bundle, T_world_rig: Array, points: Array, optics: Optics) -> Array:
+    """How far (M,) from its view each observed point is."""
+    T_world_view = T_world_rig[bundle.frame] @ optics.T_rig_view[bundle.view]
+    return np.asarray(np.linalg.norm(points[bundle.point] - T_world_view[:, :3, 3], axis=1))
 
 
 def _whitening(covariance: Array) -> Array:

@@ -53,7 +53,7 @@ def enough_parallax(
     rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
     rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
     good = Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE)
-    return good.sum() >= MIN_CONFIRMING and _borne_out(good, several)
+    return good.sum() >= _LEAST_GOOD and _borne_out(good, several)
 
 
 def _borne_out(good: Index, several: bool) -> bool:
