@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -31,7 +29,7 @@ _TWIST_STEP = 1e-6  # radians, metres
 _SETTLED = 1e-5  # of the squared errors, by which a step must lessen them to be worth another
 _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
-_FITTING_BOTH = 0.55  # and where each of two views has enough that tell it
+_FITTING_BOTH = 0.55  # and where one view and the others have enough each that tell it
 _AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
 _AGREEING_ROUNDS = 2
 STANDING = 1e-4  # metres
@@ -84,10 +82,19 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
     borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
-    telling = combinations(np.flatnonzero(good >= _LEAST_GOOD).tolist(), 2)
-    told_twice = any(views not in optics.overlapping for views in telling)  # else they see the same things
-    fits = np.mean(agreeing.fit(best, optics)) > (_FITTING_BOTH if told_twice else _FITTING)
+    fitting = _FITTING_BOTH if _told_twice(good, optics) else _FITTING
+    fits = np.mean(agreeing.fit(best, optics)) > fitting
     return best if fits and good.sum() >= _LEAST_GOOD and borne_out else None
+
+
+def _told_twice(good: Index, optics: Optics) -> bool:
+    """Tell whether a view, and all others together that do not see the same things, tell a motion each."""
+    views = np.arange(len(good))
+    return any(
+        good[[u for u in views if u != v and (min(u, v), max(u, v)) not in optics.overlapping]].sum()
+        >= _LEAST_GOOD
+        for v in views[good >= _LEAST_GOOD]
+    )
 
 
 def _most_agreed(pairs: Pairs, proposal: Array, optics: Optics) -> tuple[Array, Pairs, Array]:
