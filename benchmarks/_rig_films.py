@@ -22,7 +22,7 @@ from facetcam.simulation.drive import through
 Array = NDArray[np.float64]
 
 DESIGNS = Path(__file__).parents[1] / "examples" / "designs"
-FPS, SPEED, WIDTH = 10.0, 0.75, 1000
+FPS, WIDTH = 10.0, 1000
 
 # Waypoints in metres: round the dining table, round a partition of the bedroom, through the living room.
 DINING = [(4.0, 0.6), (5.1, -0.7), (6.6, -1.2), (7.9, -0.5), (8.3, 1.0), (7.9, 2.4), (6.5, 2.65), (5.2, 2.1)]
@@ -77,9 +77,17 @@ def _table() -> Rig:
     return presets.table(width=0.12, height=0.1)
 
 
+def _five_faces() -> Rig:
+    return with_lens(presets.ryu(faces=5))
+
+
+def _pyramid_of(faces: int) -> Callable[[], Rig]:
+    return lambda: presets.pyramid(faces=faces)
+
+
 @dataclass(frozen=True)
 class Film:
-    """A film to be made: rig, way, roughness (1: ramps of 15 cm, tilts of some degrees), light."""
+    """A film to be made: rig, way, roughness (1: ramps of 15 cm, tilts of some degrees), light, m/s."""
 
     name: str
     rig: Callable[[], Rig]
@@ -88,6 +96,7 @@ class Film:
     settings: str = EVEN
     frames: int = 110
     seed: int = 1
+    speed: float = 0.75
 
     @property
     def slug(self) -> str:
@@ -150,10 +159,6 @@ ELSEWHERE = (
     Film("five wide faces, dining, rough", _FIVE, DINING[::-1], 0.8, frames=80, seed=66),
     Film("ryu, dining", presets.ryu, DINING[::-1], 0.5, frames=80, seed=67),
     Film("stereo adapter, dining, back", _STEREO, DINING[::-1], 0.3, frames=80, seed=68),
-)
-
-# Other ways, and other pairs of rig and room: made for the version that they judge, after it.
-UNSEEN = (
     Film("pyramid, living", presets.pyramid, LIVING, 0.6, frames=80, seed=81),
     Film("ryu, rough, living, back", _ryu, LIVING[::-1], 0.9, frames=80, seed=82),
     Film("table, living", _table, LIVING[::-1], 0.4, frames=80, seed=83),
@@ -162,12 +167,27 @@ UNSEEN = (
     Film("five wide faces, living, back", _FIVE, LIVING[::-1], 0.7, frames=80, seed=86),
     Film("ryu, poor light, dining, back", presets.ryu, DINING[::-1], 0.5, POOR + BUILD, frames=80, seed=87),
     Film("pyramid, poor light, bedroom", presets.pyramid, BEDROOM, 0.4, POOR + BUILD, frames=80, seed=88),
+    Film("three-face pyramid, dining", _pyramid_of(3), DINING, 0.6, frames=80, seed=108),
+    Film("five faces, bedroom", _five_faces, BEDROOM[::-1], 0.5, frames=80, seed=109),
+    Film("stereo adapter, poor light, living", _STEREO, LIVING[::-1], 0.4, POOR + BUILD, frames=80, seed=110),
+)
+
+# What nothing was changed by: rendered when the version that they judge was done.
+UNSEEN = (
+    Film("table, dining, forth", _table, DINING, 0.5, frames=80, seed=205),
+    Film("five-face pyramid, poor light", _pyramid_of(5), BEDROOM, 0.6, POOR + BUILD, frames=80, seed=207),
+    Film("one camera, dining", lambda: with_lens(ahead()), DINING, 0.4, frames=80, seed=208),
+    Film("ryu, fast, dining", _ryu, DINING[::-1], 0.5, frames=60, seed=209, speed=1.5),
+    Film("pyramid, fast, living", presets.pyramid, LIVING[::-1], 0.8, frames=60, seed=210, speed=1.5),
+    Film("six faces, poor light, living", _six_faces, LIVING, 0.4, POOR + BUILD, frames=80, seed=211),
+    Film("stereo adapter, fast, bedroom", _STEREO, BEDROOM[::-1], 0.4, frames=60, seed=212, speed=1.5),
+    Film("five wide faces, poor light, dining", _FIVE, DINING, 0.5, POOR + BUILD, frames=80, seed=213),
 )
 
 
 def path_of(film: Film) -> tuple[Array, Array]:
     """Times and poses: a drive along the film's way, over ramps and bumps, with pitch and roll."""
-    drive = through(np.array(film.way), FPS, SPEED)
+    drive = through(np.array(film.way), FPS, film.speed)
     times, poses = drive.times[: film.frames], drive.poses[: film.frames].copy()
     rng = np.random.default_rng(film.seed)
     climb, pitch, roll = (_wave(times, rng, slow) for slow in (4.0, 1.5, 2.0))
