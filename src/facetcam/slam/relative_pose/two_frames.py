@@ -89,12 +89,14 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
 
 def _told_twice(good: Index, optics: Optics) -> bool:
     """Tell whether a view, and all others together that do not see the same things, tell a motion each."""
-    views = np.arange(len(good))
-    return any(
-        good[[u for u in views if u != v and (min(u, v), max(u, v)) not in optics.overlapping]].sum()
-        >= _LEAST_GOOD
-        for v in views[good >= _LEAST_GOOD]
-    )
+    telling = np.flatnonzero(good >= _LEAST_GOOD).tolist()
+    return any(good[_apart_from(view, optics)].sum() >= _LEAST_GOOD for view in telling)
+
+
+def _apart_from(view: int, optics: Optics) -> list[int]:
+    """Views that see other things than one of them does."""
+    beside = {u for pair in optics.overlapping if view in pair for u in pair} | {view}
+    return [u for u in range(optics.n_views) if u not in beside]
 
 
 def _most_agreed(pairs: Pairs, proposal: Array, optics: Optics) -> tuple[Array, Pairs, Array]:
