@@ -104,16 +104,19 @@ def camera_pose(T_view_rig: Array) -> Any:
     return pose
 
 
-def refine_pose(T_world_rig: Array, seen: Sights, optics: Optics, sigma: float) -> Pose:
+def refine_pose(
+    T_world_rig: Array, seen: Sights, optics: Optics, sigma: float, settled: bool = False
+) -> Pose:
     """Iteratively reweighted Gauss-Newton on all views, with a Cauchy kernel of `sigma` pixels.
 
     The kernel starts wide and narrows, so that a poor first pose is pulled in by all measurements. No kernel
     tames a wrong point that holds a direction of the pose by itself, as a near one before a far wall does:
-    the pose follows until it fits. Such points count only where they agree with what the others say.
+    the pose follows until it fits. Such points count only where they agree with what the others say. In a map
+    whose scale is `settled` so do the few points of a view that tell it otherwise.
     """
     T = _least_squares(T_world_rig, seen, optics, sigma)
     residual, J = linearise(T, seen, optics)
-    alone = _alone(residual, J, seen.views, optics)
+    alone = _alone(residual, J, np.zeros_like(seen.views) if settled else seen.views, optics)
     if alone.any():
         T_others = _least_squares(T, seen.take(~alone), optics, sigma)
         counts = ~alone | _borne_out(*linearise(T_others, seen, optics), ~alone, seen, sigma)

@@ -202,4 +202,4 @@ def _found_again(T: Array, velocity: Array, seen: _Seen, map: Map, optics: Optic
     xyz, pixels = map.points.xyz[seen.point], seen.pixels.astype(np.float64)
     plane = at_one_moment(T, velocity, xyz, seen.view, pixels, map.readout, optics)
     sights = map.points.sights(seen.point, seen.view, plane, T, optics)
-    return refine_pose(T, sights, optics, sigma).T_world_rig
+    return refine_pose(T, sights, optics, sigma, settled=True).T_world_rig
