@@ -250,3 +250,43 @@ def test_few_points_of_another_view_are_heard() -> None:
     )
     assert np.linalg.norm(se3.log(se3.inverse(alone.T_world_rig) @ T.T_world_rig)) > 1e-3
     assert np.max(T.residuals[-4:]) < np.max(np.linalg.norm(stretched[few] - seen.plane[few], axis=1))
+
+
+def with_one_elsewhere(
+    optics: Optics, view: int, rng: np.random.Generator, off: float
+) -> tuple[Sights, Sights]:
+    """A far wall before one view and a point before another, `off` pixels beside it; the wall alone."""
+    points, views, plane = wall_seen_by(optics, view, rng)
+    walls_too = walls(rng, 2000)
+    seen = look(optics, MOVED, walls_too)
+    row = np.flatnonzero(seen.view != view)[:1]
+    wall = Sights.of_corners(points[1:], views[1:], plane[1:])
+    both = Sights.of_corners(
+        np.concatenate([points[1:], walls_too[seen.point[row]]]),
+        np.concatenate([views[1:], seen.view[row]]),
+        np.concatenate([plane[1:], seen.plane[row] + off]),
+    )
+    return both, wall
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_in_a_settled_map_a_lone_point_of_another_view_must_agree_with_the_rest(view: int) -> None:
+    optics = Optics(folded(), 8.0)
+    both, wall = with_one_elsewhere(optics, view, np.random.default_rng([35, view]), 12.0)
+    right = refine_pose(MOVED @ LITTLE, wall, optics, 0.5).T_world_rig
+    growing, settled = (
+        refine_pose(MOVED @ LITTLE, both, optics, 0.5, settled).T_world_rig for settled in (False, True)
+    )
+    assert np.linalg.norm(se3.log(se3.inverse(right) @ growing)[3:]) > 0.005
+    np.testing.assert_allclose(settled, right, atol=1e-6)
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_a_true_one_is_heard_there(view: int) -> None:
+    optics = Optics(folded(), 8.0)
+    off = []
+    for seed in range(10):
+        for seen in with_one_elsewhere(optics, view, np.random.default_rng([36, view, seed]), 0.0):
+            T = refine_pose(MOVED @ LITTLE, seen, optics, 0.5, settled=True).T_world_rig
+            off.append(float(np.linalg.norm(se3.log(se3.inverse(MOVED) @ T)[3:])))
+    assert np.median(off[::2]) < 0.8 * np.median(off[1::2])
