@@ -58,6 +58,15 @@ def by_wheels(T_a_b: Array) -> Measured:
     return Measured(T_a_b, np.array([0.1, 0.1, 0.02]))
 
 
+def assert_motion(T: Array | None, truth: Array, degrees: float, direction: float) -> None:
+    """Compare the rotation and the direction of a motion, in degrees."""
+    assert T is not None
+    turn = se3.log(se3.inverse(truth) @ T)[:3]
+    assert np.degrees(np.linalg.norm(turn)) < degrees
+    a, b = T[:3, 3], truth[:3, 3]
+    assert np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))) < direction
+
+
 def walls(rng: np.random.Generator, count: int) -> Array:
     """Points (N, 3) on the walls, the floor and the ceiling of a room round the origin."""
     points = rng.uniform(-1.0, 1.0, (count, 3))
