@@ -116,7 +116,8 @@ def refine_pose(
     """
     T = _least_squares(T_world_rig, seen, optics, sigma)
     residual, J = linearise(T, seen, optics)
-    alone = _alone(residual, J, np.zeros_like(seen.views) if settled else seen.views, optics)
+    judges = np.zeros_like(seen.views) if settled else seen.views  # all points, or those of the same view
+    alone = _alone(residual, J, judges, optics)
     if alone.any():
         T_others = _least_squares(T, seen.take(~alone), optics, sigma)
         counts = ~alone | _borne_out(*linearise(T_others, seen, optics), ~alone, seen, sigma)
@@ -173,16 +174,16 @@ class _Weighted:
         return cls(variance, _inverse_information(J, weight))
 
 
-def _alone(residual: Array, J: Array, views: NDArray[np.integer], optics: Optics) -> NDArray[np.bool_]:
-    """Points that hold a good part of the pose by themselves, unlike most others of their view.
+def _alone(residual: Array, J: Array, judges: NDArray[np.integer], optics: Optics) -> NDArray[np.bool_]:
+    """Points that hold a good part of the pose by themselves, unlike most others with the same `judges` (N,).
 
     The few points of another view that tell the scale of a map hold a part of it, too, and must be heard.
     """
     inverse = _inverse_information(J, np.linalg.norm(residual, axis=1) < _NEAR)
     alone = np.einsum("nij,nij->n", J @ inverse, J) > _LEVERAGE
-    others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (views[~alone], views))
+    others, everyone = (np.bincount(v, minlength=optics.n_views) for v in (judges[~alone], judges))
     judged = others >= np.maximum(_LEAST_OTHERS, _SHARE_OTHERS * everyone)
-    return np.asarray(alone & judged[views])
+    return np.asarray(alone & judged[judges])
 
 
 def _borne_out(
