@@ -112,6 +112,33 @@ def test_poses_are_found_again_from_what_frames_saw() -> None:
     np.testing.assert_allclose(trajectory.poses()[1][2], wrong @ path[2], atol=1e-5)
 
 
+def before_views(
+    optics: Optics, views: NDArray[np.int8], away: Array, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Points (N, 3) so many metres before views (N,) of a rig at the origin, and the raw pixels of them."""
+    pixels = np.array([rng.permutation(np.argwhere(optics.labels == v)[:, ::-1])[0] for v in views], float)
+    rays = optics.rays(pixels, views)
+    depth = np.einsum("nj,nj->n", rays, optics.T_rig_view[views][:, :3, 2])
+    return optics.origins(views) + (away / depth)[:, None] * rays, pixels
+
+
+@pytest.mark.parametrize("view", range(4))
+def test_in_the_end_a_lone_point_that_others_deny_moves_no_pose(view: int) -> None:
+    """One of another view, found by chance, before a wall that hardly tells a step from a turn."""
+    optics, rng = Optics(folded(), 8.0), np.random.default_rng([33, view])
+    views = np.append(np.full(90, view), (view + 1) % 4).astype(np.int8)
+    points, pixels = before_views(optics, views, np.append(np.full(90, 7.0), 2.0), rng)
+    pixels[:90] += rng.normal(0.0, 0.15, (90, 2))
+    hung, poses = keyframe(0, np.eye(4)), []
+    for kept, off in ((91, 0.03), (90, 0.0)):
+        world, trajectory = mapped(points + [[off, off, off]] * (np.arange(91) == 90)[:, None]), Trajectory()
+        seen = Measurements(np.arange(kept), views[:kept], pixels[:kept], pixels[:kept])
+        trajectory.add(0.0, np.eye(4), hung, seen)
+        trajectory.solve_again(world, optics, 0.5)
+        poses.append(trajectory.last())
+    np.testing.assert_allclose(poses[0], poses[1], atol=1e-6)
+
+
 def mapped(points: Array) -> Map:
     """A map of points that are corners."""
     world = Map()
