@@ -168,6 +168,12 @@ def test_a_blunt_pose_in_one_view_is_never_believed() -> None:
     assert not any(trust.believes(fix([0, 40, 0, 0], [60] * 4, BLUNT)) for _ in range(6))
 
 
+def test_a_sharp_pose_that_no_view_bears_out_is_never_believed() -> None:
+    """As seen of a flat wall: a tenth of the points at a place four metres off, frame after frame."""
+    trust = doubting()
+    assert not any(trust.believes(fix([0, 0, 0, 18], [4, 0, 0, 139], SHARP)) for _ in range(6))
+
+
 def test_wheels_bear_witness() -> None:
     one_view = [0, 40, 0, 0]
     here = Reckoning(np.eye(4), way=1.0)

@@ -61,7 +61,8 @@ class Trust:
     A pattern that repeats on one wall fools one view, hardly two at once. Each view counts by itself, since a
     wall that hides what the map expects in one says nothing of the others. Wheels bear witness too: a sharp
     pose where they say needs one view less, one elsewhere must be found again and again, and in two views
-    where no slip explains it. Wheels not proven yet second nobody, but what they deny needs two views.
+    where no slip explains it. Wheels not proven yet second nobody, but what they deny needs two views. Where
+    no view shows a good part of what it should, nothing makes up for that.
     """
 
     n_views: int
@@ -87,8 +88,9 @@ class Trust:
             return True
         agreed = wheels is not None and wheels.agrees(fix.T_world_rig)
         seconded = agreed and wheels is not None and wheels.proven and fix.sharp
-        confirmed = self._witnesses(fix) + int(seconded) >= _WITNESSES
-        if not (confirmed or fix.sharp):
+        witnesses = self._witnesses(fix)
+        confirmed = witnesses + int(seconded) >= _WITNESSES
+        if not (confirmed or (witnesses and fix.sharp)):
             return False
         self._times = self._times + 1 if self._repeated(fix.T_world_rig) else 1
         self._hope = fix.T_world_rig
