@@ -50,9 +50,12 @@ def tracker(world: Map, seen_last: np.ndarray) -> Tracker:
 
 
 def found_of(
-    monkeypatch: pytest.MonkeyPatch, seen_last: np.ndarray, there: np.ndarray
+    monkeypatch: pytest.MonkeyPatch, seen_last: np.ndarray, there: np.ndarray, blank: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points that are expected and seen from the end of the street, where only some are `there`."""
+
+    def blank_views(*_: object) -> np.ndarray:
+        return np.array([blank])
 
     def predict(_: object, ids: np.ndarray, *__: object) -> Predictions:
         n = len(ids)
@@ -65,8 +68,9 @@ def found_of(
     def refine(T: np.ndarray, seen: Sights, *_: object) -> Pose:
         return Pose(T, np.eye(6), np.full(len(seen.points), 0.1))
 
-    for name, fake in (("predict", predict), ("measure", measure), ("refine_pose", refine)):
-        monkeypatch.setattr(tracker_module, name, fake)
+    for fake in (predict, measure, blank_views):
+        monkeypatch.setattr(tracker_module, fake.__name__, fake)
+    monkeypatch.setattr(tracker_module, "refine_pose", refine)
     fix = tracker(street(), seen_last).locate(cast(Frame, None), HERE)
     assert fix is not None
     return fix.predictions.point, fix.seen.point
@@ -89,3 +93,8 @@ def test_hidden_points_count_as_missed_only_where_they_are_near(monkeypatch: pyt
     assert not np.isin(FIRST, expected).any()
     beside = LAST - POINTS
     assert np.isin(beside, expected).all() and not np.isin(beside, seen).any()
+
+
+def test_blank_views_miss_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected, seen = found_of(monkeypatch, seen_last=FIRST[:3], there=LAST, blank=True)
+    np.testing.assert_array_equal(np.sort(expected), np.sort(seen))

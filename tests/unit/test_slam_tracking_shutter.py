@@ -51,7 +51,7 @@ def test_a_pose_is_that_of_the_middle_row_once_the_readout_is_known(
     monkeypatch.setattr(tracker_module, "predict", lambda *_: expected)
     monkeypatch.setattr(tracker_module, "thin", lambda predictions, *_: predictions)
     monkeypatch.setattr(tracker_module, "measure", lambda *_: (seen, np.ones(len(seen), dtype=bool)))
-    part = SimpleNamespace()
+    part = SimpleNamespace(blank=np.zeros(OPTICS.n_views, dtype=bool))
     tracker = Tracker(map, OPTICS, SlamConfig(), part, part)  # type: ignore[arg-type]
     fix = tracker.locate(part, T, np.arange(len(points)), VELOCITY)  # type: ignore[arg-type]
     assert fix is not None

@@ -60,7 +60,8 @@ class Corners:
 class Frame:
     """A raw frame: `grey` at full and `half` at half size, and what else was made of it.
 
-    The image as it came is let go once corners and their `colours` (N, 3), RGB, are taken from it.
+    The image as it came is let go once corners and their `colours` (N, 3), RGB, are taken from it; `blank`
+    are the views (V,) that show nothing.
     """
 
     timestamp: float
@@ -69,6 +70,7 @@ class Frame:
     half: Image
     corners: Corners | None = field(default=None)
     colours: Image | None = field(default=None)
+    blank: NDArray[np.bool_] | None = field(default=None)
 
 
 def make_frame(image: NDArray[np.generic], timestamp: float, size: tuple[int, int]) -> Frame:

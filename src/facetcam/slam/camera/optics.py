@@ -41,6 +41,8 @@ class Optics:
         Focal length of the ideal pinholes, in pixels.
     T_view_rig : (V, 4, 4) array
         Rig frame to ideal pinhole, proper.
+    samples : list of (N, 2) arrays
+        Some raw pixels of each view.
     overlapping : list of (int, int)
         Views that see the same part of the world at once.
     """
@@ -51,7 +53,7 @@ class Optics:
         self.mask = rig.mask(margin)
         self.labels = np.where(self.mask > 0, rig.labels(), NO_VIEW).astype(np.int8)
         self.flipped = np.array([rig.is_flipped(name) for name in self.names])
-        self._samples = [self._sample(v, rig) for v in range(self.n_views)]
+        self.samples = [self._sample(v, rig) for v in range(self.n_views)]
         self.take_up(rig)
         self.overlapping = self._overlapping()
         if rig.camera.model == KANNALA_BRANDT:
@@ -94,7 +96,7 @@ class Optics:
 
     def _ideal_pose(self, view: int) -> Array:
         """Pose of the pinhole along the mean ray of a view, upright in the rig where that is defined."""
-        origins, rays = self.rig.ray(self.names[view], self._samples[view])
+        origins, rays = self.rig.ray(self.names[view], self.samples[view])
         z = rays.mean(axis=0) / np.linalg.norm(rays.mean(axis=0))
         x = np.cross(z, _up_axis(z))
         x /= np.linalg.norm(x)
@@ -116,7 +118,7 @@ class Optics:
         centres = self.T_rig_view[:, :3, 3]
         baseline = float(np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
         shared = np.zeros((self.n_views, self.n_views), dtype=bool)
-        for view, pixels in enumerate(self._samples):
+        for view, pixels in enumerate(self.samples):
             views = np.full(len(pixels), view)
             rays, origins = self.rays(pixels, views), self.origins(views)
             for distance in _DISTANCES:

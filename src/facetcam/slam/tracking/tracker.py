@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.geometry import se3
+from facetcam.slam.camera.blank import blank_views
 from facetcam.slam.camera.corner_finder import CornerFinder
 from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
@@ -142,7 +143,8 @@ class Tracker:
     ) -> Fix | None:
         """Pose from map points, or some of them, whose patches are aligned near their predictions.
 
-        Points from farther away may be hidden by now: only those that are found count as expected.
+        Points from farther away may be hidden by now, and blank views show none: only those that are found
+        count as expected.
         """
         points, config = self._map.points, self._config
         near = self._local_points(predicted) if ids is None else ids
@@ -154,7 +156,8 @@ class Tracker:
         expected = expected.take(self._map.unmistakable(expected.point, expected.view, around))
         expected = thin(expected, points, config.measured_points // self._optics.n_views)
         seen, found = measure(frame, expected, points, self._optics, config)
-        expected = expected.take(found | is_near[expected.point])
+        blank = blank_views(frame, self._optics)
+        expected = expected.take(found | (is_near[expected.point] & ~blank[expected.view]))
         if len(seen) < config.min_inliers:
             return None
         xyz, readout = points.xyz[seen.point], self._map.readout
