@@ -38,6 +38,9 @@ def nearest(measured: int) -> Keyframe:
         (200, 400, 300, 0.1, True),  # a third of the points is gone
         (50, 60, 50, 0.5, True),  # hardly any are left: the next step may lose these
         (50, 60, 50, 0.3, False),  # but from here nothing new is to be seen
+        (40, 100, 40, 0.3, True),  # unless these few are about to hold no pose any more
+        (40, 100, 40, 0.1, False),  # if there is anything new at all
+        (40, 300, 40, 0.3, False),
         (50, 300, 50, 0.5, False),  # many are there, in the dark: it will come to light again
     ],
 )

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 _CANDIDATES = 30
 _LEAST_NEWS = 0.4  # distance from the nearest keyframe below which people who walk seem to stand
+_NEWS_AT_LAST = 0.2  # and where few points are left that hold a pose
+_FEW = 3  # times the points that a pose needs
 
 
 def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, float]:
@@ -37,8 +39,10 @@ def nearest_keyframe(map: Map, fix: Fix, config: SlamConfig) -> tuple[Keyframe, 
 def is_due(fix: Fix, nearest: Keyframe, distance: float, config: SlamConfig) -> bool:
     """New points are due away from all keyframes, and where fewer points are found than at the nearest.
 
-    They are due early where the map has few in sight: the next step may lose these. In the dark few are found
-    of many, and what a keyframe would add there is noise.
+    They are due early where the map has few in sight, the more so where few of these are found: the next step
+    may lose them. In the dark few are found of many, and what a keyframe would add there is noise.
     """
-    scarce = len(fix.predictions) < config.keyframe_points and distance > _LEAST_NEWS
+    few = len(fix.seen) < _FEW * config.min_inliers
+    news = distance > (_NEWS_AT_LAST if few else _LEAST_NEWS)
+    scarce = len(fix.predictions) < config.keyframe_points and news
     return distance > 1.0 or len(fix.seen) < config.keyframe_overlap * nearest.measured or scarce
