@@ -13,7 +13,7 @@ from facetcam.geometry import se3
 from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
-from facetcam.slam.mapping.starter import _of_its_length
+from facetcam.slam.mapping.starter import _halving, _of_its_length
 from facetcam.slam.mapping.trial import Trial
 from facetcam.slam.parts import Parts
 from facetcam.slam.relative_pose.two_frames import MIN_MATCHES
@@ -99,3 +99,9 @@ def test_a_map_begins_at_once_with_corners_not_with_edges(bend: int, starts: boo
     columns["patch"][:, : bend * PATCH_SIZE // 2] = 0
     points.extend(**columns)
     assert parts.starter._has_corners() == starts
+
+
+@pytest.mark.parametrize(("waiting", "rows"), [(6, []), (7, [3]), (16, [8, 12]), (40, [20, 30, 35])])
+def test_a_start_is_sought_over_ever_shorter_ways(waiting: int, rows: list[int]) -> None:
+    """What a view shows for half a second alone tells a motion then, or never."""
+    assert _halving(waiting) == rows

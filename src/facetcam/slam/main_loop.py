@@ -175,17 +175,19 @@ class MainLoop:
     def _nowhere(self, frame: Frame, status: Status, T_world_rig: Array | None = None) -> State:
         return State(frame.timestamp, status, T_world_rig, map_points=self._n_points, map=self._map.number)
 
-    def _lost_for_good(self, frame: Frame) -> bool:
-        """Tell whether a rig that was in the map has not seen it for long."""
-        known = self._motion.placed and not self.localise_only
-        return known and frame.timestamp - self._motion.trajectory.last_timestamp > _FOR_GOOD
+    def _offered(self, frame: Frame) -> Start | None:
+        """A start by sight, once the rig has not seen the map for long."""
+        if frame.timestamp - self._motion.trajectory.last_timestamp > _FOR_GOOD:
+            return self._parts.resumer.offer(frame, None, False)
+        self._parts.resumer.keep(frame)
+        return None
 
     def _anew(self, frame: Frame) -> State | None:
         """Begin another map once there is a start: waiting to see this one again serves worse."""
-        if not self._lost_for_good(frame):
+        if not self._motion.placed or self.localise_only:
             return None
         with self._timed("start"):
-            start = self._parts.resumer.offer(frame, None, False)
+            start = self._offered(frame)
         if start is None:
             return None
         self._mapping.wait()

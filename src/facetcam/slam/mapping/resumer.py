@@ -54,11 +54,22 @@ class Resumer:
 
     def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool) -> Start | None:
         """Take one more frame of a lost rig; returns the start beside the map once there is one."""
-        if len(self._corners(frame)) < least_pairs(odometry):
-            self.forget()
+        if not self._shows_enough(frame, odometry):
             return None
-        self._in_vain += 1
         return self._starter.offer(frame, odometry, wheels_proven) if self.in_vain else None
+
+    def keep(self, frame: Frame) -> None:
+        """Take one more frame of a rig that may be found again yet, for a start by sight later."""
+        if self._shows_enough(frame, None):
+            self._starter.keep(frame, None)
+
+    def _shows_enough(self, frame: Frame, odometry: Array | None) -> bool:
+        enough = len(self._corners(frame)) >= least_pairs(odometry)
+        if enough:
+            self._in_vain += 1
+        else:
+            self.forget()
+        return enough
 
     def carry_over(self, start: Start, T_world_rig: Array, covariance: Array | None = None) -> Start:
         """Repeat a start in the map, its last frame at a pose of that covariance, or of the world's own."""

@@ -42,7 +42,7 @@ Index = NDArray[np.int64]
 
 _NONE = np.empty(0, np.int64)
 _MAX_WAITING = 40
-_LONG = 8  # waiting frames from which the middle one is tried as the first, too
+_SHORT = 4  # waiting frames behind one that is tried as the first, at least
 _LASTING = 5  # and in which one view may show what the wheels say: a person moves otherwise soon
 _FARTHEST = 100.0  # metres of the median point: wheels that count in other units make a world of giants
 _LEAST_CLEAR = 0.5  # share of the frames between the first two keyframes that must fit the map
@@ -88,9 +88,7 @@ class Starter:
         Where wheels are proven, it goes their way or none.
         """
         self._wheels_proven = wheels_proven
-        earlier = [self._corners(w.frame) for w in self._waiting[:-3:-1]]
-        links = Links.of(self._corners(frame), earlier, self._config)
-        self._waiting.append(Waiting(frame, odometry, links))
+        self.keep(frame, odometry)
         if (start := self._start_at_once()) is not None:
             return start
         showing = self._showing()
@@ -104,8 +102,17 @@ class Starter:
             if usable and len(self._waiting) <= _MAX_WAITING:
                 break
             self._passed = [*self._passed[-_MAX_WAITING:], self._waiting.pop(0)]
-        middle = len(self._waiting) // 2
-        return self._start(middle, self._pairs(middle), showing) if len(self._waiting) >= _LONG else None
+        for row in _halving(len(self._waiting)):
+            start = self._start(row, self._pairs(row), showing)
+            if start is not None:
+                return start
+        return None
+
+    def keep(self, frame: Frame, odometry: Array | None) -> None:
+        """Take one more frame without starting yet."""
+        earlier = [self._corners(w.frame) for w in self._waiting[:-3:-1]]
+        links = Links.of(self._corners(frame), earlier, self._config)
+        self._waiting = [*self._waiting[-_MAX_WAITING:], Waiting(frame, odometry, links)]
 
     def forget(self) -> None:
         """Wait for frames anew."""
@@ -214,6 +221,14 @@ class Starter:
         xyz = self._map.points.xyz[self._map.points.alive]
         distance = np.linalg.norm(xyz - a.T_world_rig[:3, 3], axis=1)
         return len(xyz) < MIN_MATCHES // 2 or float(np.median(distance)) > _FARTHEST
+
+
+def _halving(count: int) -> list[int]:
+    """Rows half, a quarter, ... of the way before the last one: what is seen for but a while tells, too."""
+    rows, span = [], count
+    while (span := (span + 1) // 2) >= _SHORT:
+        rows.append(count - span)
+    return rows
 
 
 def _contradicted(T_a_b: Array, measured: Measured | None) -> bool:
