@@ -226,8 +226,11 @@ def test_too_few_pairs_give_no_motion(ryu: Optics) -> None:
     assert estimate_motion(few_pairs, ryu) is None
 
 
-def test_one_view_alone_starts_no_map_where_others_see_the_same_motion(ryu: Optics) -> None:
-    """What is far away in the other views bears no motion out; where they are dark they are not asked."""
+@pytest.mark.parametrize(("distance", "told"), [(200.0, False), (25.0, True)])
+def test_one_view_alone_starts_no_map_where_others_see_the_same_motion(
+    ryu: Optics, distance: float, told: bool
+) -> None:
+    """What is too far away in the other views bears no motion out; where they are dark they are not asked."""
     pairs = true_pairs(ryu, MOTION, np.random.default_rng(31))
     near = pairs.views == np.argmax(np.bincount(pairs.views))
     far = pairs.plane_a.copy()
@@ -235,13 +238,14 @@ def test_one_view_alone_starts_no_map_where_others_see_the_same_motion(ryu: Opti
         rows = (pairs.views == view) & ~near
         T_view_new = ryu.T_view_rig[view] @ se3.inverse(MOTION) @ ryu.T_rig_view[view]
         rays = np.column_stack([pairs.plane_a[rows] / ryu.focal, np.ones(rows.sum())])
-        moved = se3.transform(T_view_new, 200.0 * rays)
+        moved = se3.transform(T_view_new, distance * rays)
         far[rows] = ryu.focal * moved[:, :2] / moved[:, 2:]
     some = near | (np.arange(len(pairs)) % 3 == 0)
     b = np.where(near[:, None], pairs.plane_b, far)
     one_view = Pairs(pairs.views[some], pairs.plane_a[some], b[some])
     assert np.mean(one_view.pure_rotation(ryu)[1] > 0.01) > 0.4
-    assert estimate_motion(one_view, ryu) is None
+    assert np.all(one_view.parallax(MOTION, ryu)[1][one_view.views != pairs.views[near][0]] < 0.02)
+    assert (estimate_motion(one_view, ryu) is not None) == told
     alone = Pairs(pairs.views[near], pairs.plane_a[near], pairs.plane_b[near])
     assert estimate_motion(alone, ryu) is not None
 

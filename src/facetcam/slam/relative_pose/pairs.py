@@ -22,7 +22,8 @@ Index = NDArray[np.int64]
 EPIPOLAR_GATE = 2.0  # px
 CLEAR_PARALLAX = 0.01  # radians that a pure rotation cannot explain
 _SEARCH = 0.3  # of the frame's width
-_START_PARALLAX = 0.02  # radians
+_START_PARALLAX = 0.02  # radians that give a point its depth
+SLIGHT_PARALLAX = 0.005  # and that tell at least that there is a way
 _ROTATION_STEPS = 10
 _STILL = 1.0  # px by which pairs of a rig that stands may seem to move
 _IN_SIGHT = 0.2  # share of a view's corners matched, below which what it showed is out of sight
@@ -115,11 +116,13 @@ class Pairs:
             weight = 1.0 / (1.0 + (angle / CLEAR_PARALLAX) ** 2)
         return rotation.as_matrix(), angle
 
-    def count_good(self, T_a_b: Array, optics: Optics, gate: float) -> Index:
-        """Pairs of each view that fit a motion, lie in front of the view and have parallax."""
+    def count_good(
+        self, T_a_b: Array, optics: Optics, gate: float, parallax: float = _START_PARALLAX
+    ) -> Index:
+        """Pairs of each view that fit a motion, lie in front of the view and have that parallax."""
         distance, angle = self.parallax(T_a_b, optics)
         fits = np.abs(self.epipolar_errors(T_a_b, optics)) < gate
-        good = self.views[fits & (distance > 0) & (angle > _START_PARALLAX)]
+        good = self.views[fits & (distance > 0) & (angle > parallax)]
         return np.bincount(good, minlength=optics.n_views)
 
 

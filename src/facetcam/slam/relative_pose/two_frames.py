@@ -13,7 +13,7 @@ from facetcam.slam.config import SlamConfig
 from facetcam.slam.relative_pose.degenerate import all_near, shows_a_way, standing_views, undecided
 from facetcam.slam.relative_pose.epipolar import match_along_epipolars
 from facetcam.slam.relative_pose.measured_motion import EPIPOLAR_SIGMA, MEASURED_SHARE, Measured
-from facetcam.slam.relative_pose.pairs import EPIPOLAR_GATE, Pairs
+from facetcam.slam.relative_pose.pairs import EPIPOLAR_GATE, SLIGHT_PARALLAX, Pairs
 from facetcam.slam.relative_pose.proposals import joint_proposal, rig_motion, view_motions
 from facetcam.slam.relative_pose.witnesses import dissenting, shares
 
@@ -51,14 +51,14 @@ def enough_parallax(
     rows_a, rows_b = (np.flatnonzero(~np.isin(corners.views, aside)) for corners in (a, b))
     rows = match_along_epipolars(a, rows_a, b, rows_b, T_a_b, START_GATE, optics, config)
     good = Pairs.of(a, rows[0], b, rows[1]).count_good(T_a_b, optics, START_GATE)
-    return good.sum() >= _LEAST_GOOD and _borne_out(good, several)
+    return good.sum() >= _LEAST_GOOD and (not several or _borne_out(good, good))
 
 
-def _borne_out(good: Index, several: bool) -> bool:
+def _borne_out(good: Index, slight: Index) -> bool:
     """A wall close to one view is a plane, which leaves a motion ambiguous, and a person before it moves by
-    himself: another view must bear it out, if there is one that could.
+    himself: other views than the one with most `good` pairs must bear it out, by `slight` parallax at least.
     """
-    return not several or bool(good.sum() - good.max() >= _BEARING_OUT)
+    return bool(slight.sum() - slight[good.argmax()] >= _BEARING_OUT)
 
 
 def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Array | None:
@@ -81,9 +81,11 @@ def estimate_motion(pairs: Pairs, optics: Optics, several: bool = False) -> Arra
     if all_near(agreeing, best, optics):
         return None
     good = agreeing.count_good(best, optics, EPIPOLAR_GATE)
-    borne_out = _borne_out(good, several or len(shares(pairs.views, pairs.move())[0]) > 1)
+    slight = agreeing.count_good(best, optics, EPIPOLAR_GATE, SLIGHT_PARALLAX)
+    alone = not several and len(shares(pairs.views, pairs.move())[0]) < 2
     fitting = _FITTING_BOTH if _told_twice(good, optics) else _FITTING
     fits = np.mean(agreeing.fit(best, optics)) > fitting
+    borne_out = alone or _borne_out(good, slight)
     return best if fits and good.sum() >= _LEAST_GOOD and borne_out else None
 
 
