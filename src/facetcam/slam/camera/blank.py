@@ -10,8 +10,8 @@ from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 
 _COARSE = 4  # times smaller than the half image: noise is no picture
-_MOST = (5, 95)  # per cent of a view's pixels
-_LEAST_CONTRAST = 2.5  # grey levels between them: the plainest walls of films have three and more
+_PERCENTILES = (5, 95)
+_LEAST_CONTRAST = 2.5  # grey levels between these: the plainest walls of films have three and more
 
 
 def blank_views(frame: Frame, optics: Optics) -> NDArray[np.bool_]:
@@ -26,6 +26,6 @@ def blank_views(frame: Frame, optics: Optics) -> NDArray[np.bool_]:
         blank = []
         for pixels in optics.samples:
             columns, rows = np.minimum(pixels // (2 * _COARSE), last[::-1]).T
-            blank.append(np.ptp(np.percentile(coarse[rows, columns], _MOST)) < _LEAST_CONTRAST)
+            blank.append(np.ptp(np.percentile(coarse[rows, columns], _PERCENTILES)) < _LEAST_CONTRAST)
         frame.blank = np.array(blank) & (not all(blank))
     return frame.blank

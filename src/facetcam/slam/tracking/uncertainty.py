@@ -13,9 +13,7 @@ Array = NDArray[np.float64]
 TOGETHER = 6.0  # errors of points that share a keyframe, a lens and a rig go together; variances grow by this
 _ASIDE = 0.1  # a way of unsure length is unsure to the sides too, by this share
 _WHEELS = 0.3  # relative error of a way that only wheels have measured
-_UNKNOWN = (
-    2.0  # and where nothing has: sight begins one world in ten more than three times too small or large
-)
+_UNKNOWN = 2.0  # and where nothing has: sight begins one world in ten three times too small or large
 
 
 def pose_covariance(
