@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 TOGETHER = 6.0  # errors of points that share a keyframe, a lens and a rig go together; variances grow by this
 _ASIDE = 0.1  # a way of unsure length is unsure to the sides too, by this share
+_BENT = 0.0015  # radians for each unit of that share: views of a wrong scale stand where they do not
 _WHEELS = 0.3  # relative error of a way that only wheels have measured
 _UNKNOWN = 2.0  # and where nothing has: sight begins one world in ten three times too small or large
 
@@ -44,7 +45,9 @@ def pose_covariance(
     # Where the scale is unknown, the covariances of keyframes leave it out.
     since = base if np.isfinite(scale_sigma) else keyframes[-1]
     way = (se3.inverse(T_world_rig) @ since.T_world_rig)[:3, 3]
-    stretch = min(scale_sigma, _WHEELS if wheels else _UNKNOWN) * way
+    unsure = min(scale_sigma, _WHEELS if wheels else _UNKNOWN)
+    stretch = unsure * way
+    total[:3, :3] += (_BENT * unsure) ** 2 * np.eye(3)
     total[3:, 3:] += np.outer(stretch, stretch) + _ASIDE**2 * (stretch @ stretch) * np.eye(3)
     return total
 
