@@ -74,8 +74,10 @@ def test_an_unknown_scale_leaves_the_length_of_the_way_open() -> None:
     known = keyframe(np.eye(4), np.zeros((6, 6)))
     judged = pose_covariance(ahead, 1e-6 * np.eye(6), [known], 0.01, wheels=True)
     lengths = [float(np.sqrt(c[4, 4])) for c in (unknown, rolled, judged)]
+    turns = [1e3 * float(np.sqrt(c[2, 2] - TOGETHER * 1e-6)) for c in (unknown, rolled, judged)]
     assert lengths[0] > 4.0  # three times too small is within one sigma, nine times within four
     assert 2.0 > lengths[1] > 0.6 > 0.1 > lengths[2] > 0.02
+    assert turns[0] > 2.5 > 1.0 > turns[1] > 0.1 > turns[2]  # milliradians, by which a wrong scale bends
 
 
 def test_covariance_of_frames_grows_away_from_the_held_one_and_with_the_noise() -> None:
