@@ -10,8 +10,8 @@ from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 
 _COARSE = 4  # times smaller than the half image: noise is no picture
-_PERCENTILES = (5, 95)
-_LEAST_CONTRAST = 2.5  # grey levels between these: the plainest walls of films have three and more
+_LEFT_OUT = 0.05  # of a view's pixels, the darkest and the brightest
+_LEAST_CONTRAST = 3  # grey levels between the others: the plainest walls of films have as many
 
 
 def blank_views(frame: Frame, optics: Optics) -> NDArray[np.bool_]:
@@ -26,6 +26,8 @@ def blank_views(frame: Frame, optics: Optics) -> NDArray[np.bool_]:
         blank = []
         for pixels in optics.samples:
             columns, rows = np.minimum(pixels // (2 * _COARSE), last[::-1]).T
-            blank.append(np.ptp(np.percentile(coarse[rows, columns], _PERCENTILES)) < _LEAST_CONTRAST)
+            shown = np.sort(coarse[rows, columns])
+            few = int(_LEFT_OUT * len(shown))
+            blank.append(int(shown[-1 - few]) - int(shown[few]) < _LEAST_CONTRAST)
         frame.blank = np.array(blank) & (not all(blank))
     return frame.blank
