@@ -170,10 +170,6 @@ ELSEWHERE = (
     Film("three-face pyramid, dining", _pyramid_of(3), DINING, 0.6, frames=80, seed=108),
     Film("five faces, bedroom", _five_faces, BEDROOM[::-1], 0.5, frames=80, seed=109),
     Film("stereo adapter, poor light, living", _STEREO, LIVING[::-1], 0.4, POOR + BUILD, frames=80, seed=110),
-)
-
-# What nothing was changed by: rendered when the version that they judge was done.
-UNSEEN = (
     Film("table, dining, forth", _table, DINING, 0.5, frames=80, seed=205),
     Film("five-face pyramid, poor light", _pyramid_of(5), BEDROOM, 0.6, POOR + BUILD, frames=80, seed=207),
     Film("one camera, dining", lambda: with_lens(ahead()), DINING, 0.4, frames=80, seed=208),
@@ -182,6 +178,18 @@ UNSEEN = (
     Film("six faces, poor light, living", _six_faces, LIVING, 0.4, POOR + BUILD, frames=80, seed=211),
     Film("stereo adapter, fast, bedroom", _STEREO, BEDROOM[::-1], 0.4, frames=60, seed=212, speed=1.5),
     Film("five wide faces, poor light, dining", _FIVE, DINING, 0.5, POOR + BUILD, frames=80, seed=213),
+)
+
+# What nothing was changed by: rendered when the version that they judge was done.
+UNSEEN = (
+    Film("ryu, dining, forth", presets.ryu, DINING, 0.7, frames=80, seed=301),
+    Film("three-face pyramid, living", _pyramid_of(3), LIVING, 0.5, frames=80, seed=302),
+    Film("table, poor light, bedroom", _table, BEDROOM, 0.3, POOR + BUILD, frames=80, seed=303),
+    Film("five faces, dining, rough", _five_faces, DINING[::-1], 0.9, frames=80, seed=304),
+    Film("six faces, bedroom, forth", _six_faces, BEDROOM, 0.5, frames=80, seed=305),
+    Film("pyramid, fast, dining", presets.pyramid, DINING, 0.5, frames=60, seed=306, speed=1.5),
+    Film("one camera, bedroom", lambda: with_lens(ahead()), BEDROOM, 0.4, frames=80, seed=307),
+    Film("ryu, fast, bedroom", _ryu, BEDROOM, 0.6, frames=60, seed=308, speed=1.5),
 )
 
 
