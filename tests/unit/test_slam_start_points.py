@@ -7,9 +7,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from slam_worlds import folded
+from slam_worlds import distinct_corners, folded
 
 from facetcam.geometry import se3
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
@@ -105,3 +106,24 @@ def test_a_map_begins_at_once_with_corners_not_with_edges(bend: int, starts: boo
 def test_a_start_is_sought_over_ever_shorter_ways(waiting: int, rows: list[int]) -> None:
     """What a view shows for half a second alone tells a motion then, or never."""
     assert _halving(waiting) == rows
+
+
+def with_corners(time: float, count: int) -> Frame:
+    """A frame in which so many corners were found."""
+    looks = np.random.default_rng(7).integers(0, 256, (count, 32), np.uint8)
+    places = np.random.default_rng(8).uniform(50.0, 500.0, (count, 2))
+    corners = distinct_corners(places, np.zeros(count, np.int8), places, looks) if count else Corners.none()
+    nothing = np.zeros((600, 800), np.uint8)
+    return Frame(time, None, nothing, nothing[::2, ::2], corners)
+
+
+def test_frames_of_a_rig_just_lost_wait_for_its_next_map() -> None:
+    """They are links of the chain that a later start follows; a frame that shows nothing breaks it."""
+    parts = Parts.assemble(folded(), SlamConfig())
+    starter = parts.resumer._starter
+    for k in range(8):
+        parts.resumer.keep(with_corners(0.1 * k, 80))
+    assert [round(10 * w.frame.timestamp) for w in starter._waiting] == list(range(8))
+    assert len(starter._pairs(0)) == 80 and parts.resumer.in_vain
+    parts.resumer.keep(with_corners(0.8, 5))
+    assert not starter._waiting and not parts.resumer.in_vain
