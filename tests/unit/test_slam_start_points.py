@@ -10,7 +10,7 @@ import pytest
 from slam_worlds import distinct_corners, folded
 
 from facetcam.geometry import se3
-from facetcam.slam.camera.frame import Corners, Frame
+from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.patches import PATCH_SIZE
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe
@@ -112,7 +112,7 @@ def with_corners(time: float, count: int) -> Frame:
     """A frame in which so many corners were found."""
     looks = np.random.default_rng(7).integers(0, 256, (count, 32), np.uint8)
     places = np.random.default_rng(8).uniform(50.0, 500.0, (count, 2))
-    corners = distinct_corners(places, np.zeros(count, np.int8), places, looks) if count else Corners.none()
+    corners = distinct_corners(places, np.zeros(count, np.int8), places, looks)
     nothing = np.zeros((600, 800), np.uint8)
     return Frame(time, None, nothing, nothing[::2, ::2], corners)
 

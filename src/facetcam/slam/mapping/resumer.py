@@ -54,16 +54,17 @@ class Resumer:
 
     def offer(self, frame: Frame, odometry: Array | None, wheels_proven: bool) -> Start | None:
         """Take one more frame of a lost rig; returns the start beside the map once there is one."""
-        if not self._shows_enough(frame, odometry):
+        if not self._counts(frame, odometry):
             return None
         return self._starter.offer(frame, odometry, wheels_proven) if self.in_vain else None
 
     def keep(self, frame: Frame) -> None:
         """Take one more frame of a rig that may be found again yet, for a start by sight later."""
-        if self._shows_enough(frame, None):
+        if self._counts(frame, None):
             self._starter.keep(frame, None)
 
-    def _shows_enough(self, frame: Frame, odometry: Array | None) -> bool:
+    def _counts(self, frame: Frame, odometry: Array | None) -> bool:
+        """Count a frame that shows enough; one that does not breaks the chain of those before."""
         enough = len(self._corners(frame)) >= least_pairs(odometry)
         if enough:
             self._in_vain += 1
