@@ -124,17 +124,16 @@ def test_wheels_and_two_walls_keep_a_rig_in_its_map(shared_data: Path) -> None:
     assert errors.ate_scaled.rmse < 0.05
 
 
-def test_by_two_walls_alone_a_rig_is_lost_rather_than_elsewhere(shared_data: Path) -> None:
-    """It had been put at a wrong place of its map, turned by a quarter, and tracked there to the end."""
+def test_two_walls_alone_keep_a_rig_in_its_map(shared_data: Path) -> None:
+    """It had been lost where a turn swept them empty, and before that been put at a wrong place."""
     house = shared_data / "house"
     _, states = two_dark(house, with_wheels=False)
     tracked = [k for k, state in enumerate(states) if state.status is Status.TRACKING]
-    assert tracked[0] < 40 and len(tracked) > 0.8 * len(states)
-    assert np.diff(tracked).max() <= 15
+    assert tracked[0] < 40
+    assert tracked == list(range(tracked[0], len(states)))
+    assert {states[k].map for k in tracked} == {0}
     _, true = read_tum(house / "loop.tum")
-    for number in {states[k].map for k in tracked}:
-        own = np.array([k for k in tracked if states[k].map == number])
-        poses = np.stack([T for k in own if (T := states[k].T_world_rig) is not None])
-        errors = se3.inverse(se3.inverse(true[own][0]) @ true[own]) @ se3.inverse(poses[0]) @ poses
-        turned = [np.linalg.norm(se3.log(T)[:3]) for T in errors]
-        assert np.degrees(max(turned)) < 10.0
+    poses = np.stack([T for k in tracked if (T := states[k].T_world_rig) is not None])
+    errors = se3.inverse(se3.inverse(true[tracked[0]]) @ true[tracked]) @ se3.inverse(poses[0]) @ poses
+    turned = [np.linalg.norm(se3.log(T)[:3]) for T in errors]
+    assert np.degrees(max(turned)) < 10.0

@@ -162,3 +162,41 @@ def test_one_view_alone_wins_no_pose() -> None:
     lying = true_pairs(optics, MOTION @ ASTRAY @ ASTRAY, rng, 800)
     every = together(pairs.take(pairs.views != 1), lying.take(lying.views == 1))
     assert sight_of(seen, xyz, every, optics).agreed_pose(true) is None
+
+
+def held(count: int, pairs: Pairs, astray: int = 0) -> Array | None:
+    """The pose that so many points and the corners hold; some of the points are metres off."""
+    optics, rng, true = EYES["folded"], np.random.default_rng(8), LAST @ MOTION
+    seen, xyz = few_points(optics, true, rng, count)
+    xyz[:astray] += rng.normal(0.0, 2.0, (astray, 3))
+    return sight_of(seen, xyz, pairs, optics).held_pose(true @ ASTRAY)
+
+
+def some_pairs(count: int, wrong: float = 0.0) -> Pairs:
+    rng, optics = np.random.default_rng(9), EYES["folded"]
+    pairs: Pairs = spoiled(true_pairs(optics, MOTION, rng, 400), optics, rng, wrong, 0.3)
+    return pairs.take(np.arange(count))
+
+
+@pytest.mark.parametrize("astray", [0, 3])
+def test_corners_hold_a_pose_with_too_few_points(astray: int) -> None:
+    T = held(10, some_pairs(60, 0.1), astray)
+    assert T is not None
+    turn, way = errors(T, LAST @ MOTION)
+    assert turn < 0.2
+    assert way < 3.0
+
+
+@pytest.mark.parametrize(
+    ("points", "pairs", "astray"),
+    [
+        (5, some_pairs(60), 0),
+        (10, some_pairs(12), 0),
+        (10, some_pairs(60, 0.5), 0),
+        (10, some_pairs(60), 7),
+        (0, Pairs.none(), 0),
+    ],
+    ids=["few points", "few corners", "corners that disagree", "points that disagree", "nothing"],
+)
+def test_nothing_less_holds_it(points: int, pairs: Pairs, astray: int) -> None:
+    assert held(points, pairs, astray) is None

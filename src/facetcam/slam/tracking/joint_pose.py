@@ -19,6 +19,8 @@ _LOOSENESS = (8.0, 4.0, 2.0, 1.0, 1.0)  # of the losses, step by step
 _STEP = 1e-5  # of a twist, for derivatives
 _WON, _KEPT, _FEW = 1.1, 0.8, 3  # shares of what agreed with a pose, beyond a few, that must with another
 _WITNESSES = 2  # views
+_LEAST_POINTS, _SHARE_POINTS = 6, 0.4  # points that hold the length of a way, and of those found
+_SHARE_CORNERS = 0.7
 _CORNERS = 2.0  # times as much as patches do corners err
 _NUDGES = np.stack([se3.exp(s) for s in np.concatenate([_STEP * np.eye(6), -_STEP * np.eye(6)])])
 
@@ -57,6 +59,15 @@ class JointSight:
         before, after = self._agreeing(T_world_rig), self._agreeing(T)
         won = after[:-1] > _WON * before[:-1] + _FEW
         return T if won.sum() >= _WITNESSES and np.all(after >= _KEPT * before - _FEW) else None
+
+    def held_pose(self, T_world_rig: Array) -> Array | None:
+        """The pose refined, if most corners agree with it, and points that would be too few by themselves."""
+        if len(self.seen.views) < _LEAST_POINTS or len(self.pairs) < self.config.min_inliers:
+            return None
+        T = self.refined_pose(T_world_rig)
+        *corners, points = self._agreeing(T).tolist()
+        held = sum(corners) >= max(self.config.min_inliers, _SHARE_CORNERS * len(self.pairs))
+        return T if held and points >= max(_LEAST_POINTS, _SHARE_POINTS * len(self.seen.views)) else None
 
     def refined_pose(self, T_world_rig: Array) -> Array:
         """The pose (4, 4) of least reprojections of points and epipolar distances of corners that moved.

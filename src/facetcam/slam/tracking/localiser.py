@@ -54,6 +54,8 @@ class Localiser:
         predictions, velocity = self._motion.predictions(frame.timestamp, odometry), self._motion.velocity
         likeliest = predictions if by_wheels else predictions[::-1]
         fix = self._tracker.find(frame, *likeliest, velocity=velocity)
+        if fix is None and likeliest and not self._motion.lost_frames:
+            fix = self._tracker.held(frame, likeliest[0], velocity)
         if fix is None:
             return None
         jumps = self._motion.jumps(frame.timestamp, fix.T_world_rig, predictions)

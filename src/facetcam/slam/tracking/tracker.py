@@ -14,9 +14,10 @@ from facetcam.slam.camera.frame import Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import judged_pose, refine_pose
 from facetcam.slam.camera.shutter import at_one_moment
+from facetcam.slam.camera.sight import Sights
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import WIDE, Keyframe, Map
-from facetcam.slam.map.measure import Measurements, measure, predict, thin
+from facetcam.slam.map.measure import Measurements, Predictions, measure, predict, thin
 from facetcam.slam.map.points import Points
 from facetcam.slam.relative_pose.doubt import refuting_motion
 from facetcam.slam.relative_pose.pairs import Pairs, match_corners
@@ -82,6 +83,20 @@ class Tracker:
                 best = better(best, self.locate(frame, T_world_rig, wide, velocity))
         return likelier(best, self._relocate(frame, velocity, *predicted[:1]))
 
+    def held(self, frame: Frame, predicted: Array, velocity: Array) -> Fix | None:
+        """A pose that few points hold, and corners of the last keyframe besides that have no depth yet.
+
+        A view that is swept empty shows little of the map; what comes in has no place in it so soon.
+        """
+        last, config, optics = self._map.keyframes[-1], self._config, self._optics
+        expected, seen, sights = self._sighted(frame, predicted, None, velocity)
+        pairs = match_corners(last.corners, self._corners(frame), config)
+        T = JointSight(last.T_world_rig, sights, pairs, optics, config).held_pose(predicted)
+        if T is None:
+            return None
+        pose = judged_pose(T, sights, optics, config.pixel_sigma)
+        return Fix(pose, expected, seen.take(pose.residuals < config.gate))
+
     def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
         """A pose that the corners of the last keyframe do not refute, or else the one that they show.
 
@@ -141,7 +156,22 @@ class Tracker:
     def locate(
         self, frame: Frame, predicted: Array, ids: Index | None = None, velocity: Array = AT_REST
     ) -> Fix | None:
-        """Pose from map points, or some of them, whose patches are aligned near their predictions.
+        """Pose from map points, or some of them, whose patches are aligned near their predictions."""
+        config = self._config
+        expected, seen, sights = self._sighted(frame, predicted, ids, velocity)
+        if len(seen) < config.min_inliers:
+            return None
+        pose = refine_pose(predicted, sights, self._optics, config.pixel_sigma)
+        fits = pose.residuals < config.gate
+        if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
+            return None
+        fix = Fix(pose, expected, seen.take(fits))
+        return fix if fix.borne_out else None
+
+    def _sighted(
+        self, frame: Frame, predicted: Array, ids: Index | None, velocity: Array
+    ) -> tuple[Predictions, Measurements, Sights]:
+        """What counts as expected with a pose, and what is found near it.
 
         Points from farther away may be hidden by now, and blank views show none: only those that are found
         count as expected.
@@ -158,17 +188,9 @@ class Tracker:
         seen, found = measure(frame, expected, points, self._optics, config)
         blank = blank_views(frame, self._optics)
         expected = expected.take(found | (is_near[expected.point] & ~blank[expected.view]))
-        if len(seen) < config.min_inliers:
-            return None
         xyz, readout = points.xyz[seen.point], self._map.readout
         plane = at_one_moment(predicted, velocity, xyz, seen.view, seen.pixels, readout, self._optics)
-        sights = points.sights(seen.point, seen.view, plane, predicted, self._optics)
-        pose = refine_pose(predicted, sights, self._optics, config.pixel_sigma)
-        fits = pose.residuals < config.gate
-        if fits.sum() < config.min_inliers or fits.mean() < _LEAST_AGREEMENT:
-            return None
-        fix = Fix(pose, expected, seen.take(fits))
-        return fix if fix.borne_out else None
+        return expected, seen, points.sights(seen.point, seen.view, plane, predicted, self._optics)
 
     def locate_from_afar(
         self, frame: Frame, guess: Array, ids: Index | None = None, velocity: Array = AT_REST
