@@ -191,7 +191,7 @@ def test_corners_hold_a_pose_with_too_few_points(astray: int) -> None:
     ("points", "pairs", "astray"),
     [
         (5, some_pairs(60), 0),
-        (10, some_pairs(12), 0),
+        (10, some_pairs(8), 0),
         (10, some_pairs(60, 0.5), 0),
         (10, some_pairs(60), 7),
         (0, Pairs.none(), 0),

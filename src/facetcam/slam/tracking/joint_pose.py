@@ -62,12 +62,14 @@ class JointSight:
 
     def held_pose(self, T_world_rig: Array) -> Array | None:
         """The pose refined, if most corners agree with it, and points that would be too few by themselves."""
-        if len(self.seen.views) < _LEAST_POINTS or len(self.pairs) < self.config.min_inliers:
+        if len(self.seen.views) < _LEAST_POINTS:
             return None
         T = self.refined_pose(T_world_rig)
-        *corners, points = self._agreeing(T).tolist()
-        held = sum(corners) >= max(self.config.min_inliers, _SHARE_CORNERS * len(self.pairs))
-        return T if held and points >= max(_LEAST_POINTS, _SHARE_POINTS * len(self.seen.views)) else None
+        *of_views, points = self._agreeing(T).tolist()
+        corners = sum(of_views)
+        most = points >= _SHARE_POINTS * len(self.seen.views) and corners >= _SHARE_CORNERS * len(self.pairs)
+        enough = points + corners / 2 >= self.config.min_inliers  # a corner tells one number, not two
+        return T if most and enough and points >= _LEAST_POINTS else None
 
     def refined_pose(self, T_world_rig: Array) -> Array:
         """The pose (4, 4) of least reprojections of points and epipolar distances of corners that moved.
