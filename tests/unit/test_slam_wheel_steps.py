@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from facetcam.geometry import se3
 from facetcam.slam.adjustment.wheel_steps import WheelSteps
 from facetcam.slam.camera.frame import Corners
-from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.map import Keyframe, Observations
 from facetcam.slam.odometry.planar import planar_pose
 
 Array = NDArray[np.float64]
@@ -18,10 +19,19 @@ def driven(wheels_metre: float, count: int = 20) -> list[Keyframe]:
     """Keyframes along a bow, with odometry that counts so much for a metre."""
     s = 0.4 * np.arange(count)
     rows = np.column_stack([s, 0.3 * np.sin(s), 0.2 * np.sin(0.7 * s)])
-    return [
+    keyframes = [
         Keyframe(k, float(k), planar_pose(row), Corners.none(), None, row * [wheels_metre, wheels_metre, 1.0])
         for k, row in enumerate(rows)
     ]
+    for keyframe in keyframes:
+        see(keyframe, 30)
+    return keyframes
+
+
+def see(keyframe: Keyframe, count: int) -> None:
+    """Let a keyframe see so many points of the map, the first ones."""
+    at = np.zeros((count, 2))
+    keyframe.observations = Observations(np.arange(count), np.zeros(count, np.int8), at, at)
 
 
 @pytest.mark.parametrize("metre", [0.5, 0.95, 1.3])
@@ -63,3 +73,26 @@ def test_too_few_steps_tell_nothing() -> None:
     for count in (0, 1, 4):
         steps.compare(driven(1.3, count), scale_sigma=0.001)
         assert steps.metre == 1.0
+
+
+def astray(points: int, wheels_metre: float = 1.0, count: int = 20) -> list[Keyframe]:
+    """Keyframes of which the ninth, which sees so many points, is a metre and half a radian off."""
+    keyframes = driven(wheels_metre, count)
+    see(keyframes[8], points)
+    keyframes[8].T_world_rig = keyframes[8].T_world_rig @ se3.exp([0.0, 0.0, 0.5, 1.0, 0.0, 0.0])
+    return keyframes
+
+
+@pytest.mark.parametrize(("points", "denied"), [(5, set()), (20, {8, 9})])
+def test_images_that_hardly_place_a_keyframe_deny_no_wheels(points: int, denied: set[int]) -> None:
+    """A keyframe of a rig that spun had floated a metre away from where its wheels had been."""
+    believed = {step.j for step in WheelSteps(0.3).between(astray(points))}
+    assert believed == set(range(1, 20)) - denied
+
+
+def test_wheels_that_images_deny_elsewhere_are_not_believed_in_the_dark() -> None:
+    keyframes = astray(5)
+    for keyframe in keyframes:
+        assert keyframe.odometry is not None
+        keyframe.odometry[2] *= -3.0
+    assert WheelSteps(0.3).between(keyframes) == []

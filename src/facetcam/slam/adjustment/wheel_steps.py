@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from facetcam.slam.adjustment.bundle import RelativePose
-from facetcam.slam.map.map import Keyframe
+from facetcam.slam.map.map import Keyframe, shared_points
 from facetcam.slam.odometry.planar import believable, planar_motion, usual_stretch
 
 Array = NDArray[np.float64]
 
 _METRE_SIGMA = 0.03  # by which a wheel's circumference is off
+_TIES = 15  # points that two keyframes share, by which images place one against the other
 
 
 class WheelSteps:
@@ -59,9 +60,20 @@ class WheelSteps:
         return odometry / [self.metre, self.metre, 1.0]
 
     def _believed(self, keyframes: list[Keyframe]) -> NDArray[np.bool_]:
-        """Steps (K - 1,) between neighbours in time over which the wheels can be believed."""
+        """Steps (K - 1,) between neighbours in time over which the wheels can be believed.
+
+        What images hardly place they cannot deny: wheels that they bear out elsewhere are believed there.
+        """
         neighbours = np.all(np.diff([(k.index, k.session) for k in keyframes], axis=0) == (1, 0), axis=1)
-        return np.asarray(neighbours & believable(*_ways(keyframes), self._sigma))
+        believed = np.asarray(neighbours & believable(*_ways(keyframes), self._sigma))
+        for i in np.flatnonzero(neighbours & ~believed) if believed.any() else ():
+            believed[i] = not all(_is_placed(k, keyframes) for k in keyframes[i : i + 2])
+        return believed
+
+
+def _is_placed(keyframe: Keyframe, keyframes: list[Keyframe]) -> bool:
+    """Tell whether images place a keyframe against any other one."""
+    return any(k is not keyframe and shared_points(keyframe, k) >= _TIES for k in keyframes)
 
 
 def _ways(keyframes: list[Keyframe]) -> tuple[Array, Array]:
