@@ -10,9 +10,10 @@ from slam_worlds import by_wheels, distinct_corners, folded, spoiled, true_pairs
 from facetcam.geometry import se3
 from facetcam.slam.camera.frame import Corners
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.relative_pose.confirmed_motion import confirmed_motion
 from facetcam.slam.relative_pose.doubt import is_denied, refuting_motion, views_aside
 from facetcam.slam.relative_pose.pairs import Pairs, in_sight
-from facetcam.slam.relative_pose.two_frames import confirmed_motion, estimate_motion
+from facetcam.slam.relative_pose.two_frames import estimate_motion
 
 Array = NDArray[np.float64]
 

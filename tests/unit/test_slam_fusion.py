@@ -10,8 +10,9 @@ from slam_worlds import by_wheels, folded, look, spoiled
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import Pose
+from facetcam.slam.relative_pose.confirmed_motion import confirmed_motion
 from facetcam.slam.relative_pose.pairs import Pairs
-from facetcam.slam.relative_pose.two_frames import confirmed_motion, polished
+from facetcam.slam.relative_pose.two_frames import polished
 from facetcam.slam.tracking.fusion import fused
 from facetcam.slam.tracking.uncertainty import TOGETHER
 

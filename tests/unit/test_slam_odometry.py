@@ -11,7 +11,7 @@ from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.odometry.check import OdometryCheck
 from facetcam.slam.odometry.planar import believable, planar_motion, planar_pose
-from facetcam.slam.relative_pose.two_frames import confirmed_motion
+from facetcam.slam.relative_pose.confirmed_motion import confirmed_motion
 
 Array = NDArray[np.float64]
 

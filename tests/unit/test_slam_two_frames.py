@@ -23,15 +23,11 @@ from facetcam.features.matching import hamming, mutual_best
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.config import SlamConfig
+from facetcam.slam.relative_pose.confirmed_motion import confirmed_motion, enough_parallax
 from facetcam.slam.relative_pose.degenerate import standing_views
 from facetcam.slam.relative_pose.epipolar import epipolar_error, match_along_epipolars
 from facetcam.slam.relative_pose.pairs import Pairs
-from facetcam.slam.relative_pose.two_frames import (
-    MIN_MATCHES,
-    confirmed_motion,
-    enough_parallax,
-    estimate_motion,
-)
+from facetcam.slam.relative_pose.two_frames import MIN_MATCHES, estimate_motion
 
 Array = NDArray[np.float64]
 
@@ -257,8 +253,7 @@ def test_wheels_that_the_images_bear_out_start_a_map_with_as_few_pairs_as_sight(
     ryu: Optics, length: float, count: int, enough: bool
 ) -> None:
     """Thirty that show parallax; where six small views see a little each, more had taken five seconds."""
-    T = MOTION.copy()
-    T[:3, 3] *= length
+    T = se3.exp(length * se3.log(MOTION))
     rng = np.random.default_rng(32)
     pairs = true_pairs(ryu, T, rng)
     telling = pairs.parallax(T, ryu)[1] > 0.03 * length

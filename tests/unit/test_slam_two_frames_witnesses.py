@@ -11,9 +11,10 @@ from slam_worlds import assert_motion, by_wheels, folded, single, spoiled, true_
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.relative_pose.confirmed_motion import confirmed_motion
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.pairs import Pairs
-from facetcam.slam.relative_pose.two_frames import MIN_MATCHES, confirmed_motion, estimate_motion
+from facetcam.slam.relative_pose.two_frames import MIN_MATCHES, estimate_motion
 
 Array = NDArray[np.float64]
 

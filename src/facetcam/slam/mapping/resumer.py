@@ -14,7 +14,7 @@ from facetcam.slam.map.map import Keyframe, Map
 from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
 from facetcam.slam.mapping.starter import Starter, least_pairs
-from facetcam.slam.relative_pose.two_frames import START_GATE
+from facetcam.slam.relative_pose.confirmed_motion import START_GATE
 from facetcam.slam.tracking.fix import Fix
 from facetcam.slam.tracking.motion import Start
 

@@ -18,21 +18,19 @@ from facetcam.slam.map.measure import Measurements
 from facetcam.slam.mapping.mapper import Mapper
 from facetcam.slam.mapping.trial import Trial, Waiting, interpolated, is_clear
 from facetcam.slam.odometry.planar import planar_motion, planar_pose
+from facetcam.slam.relative_pose.confirmed_motion import (
+    MIN_CONFIRMING,
+    START_GATE,
+    confirmed_motion,
+    enough_parallax,
+    much_alike,
+)
 from facetcam.slam.relative_pose.degenerate import standing_views
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.following import Links, follow
 from facetcam.slam.relative_pose.measured_motion import Measured
 from facetcam.slam.relative_pose.pairs import Pairs, in_sight
-from facetcam.slam.relative_pose.two_frames import (
-    MIN_CONFIRMING,
-    MIN_MATCHES,
-    STANDING,
-    START_GATE,
-    confirmed_motion,
-    enough_parallax,
-    estimate_motion,
-    much_alike,
-)
+from facetcam.slam.relative_pose.two_frames import MIN_MATCHES, STANDING, estimate_motion
 from facetcam.slam.relative_pose.witnesses import shares
 from facetcam.slam.tracking.motion import Start
 from facetcam.slam.tracking.tracker import Tracker

@@ -38,6 +38,13 @@ def undecided(pairs: Pairs) -> bool:
     return bool(len(stand)) and bool(2 * stand.sum() == len(stand))
 
 
+def on_the_spot(T_a_b: Array, optics: Optics) -> bool:
+    """Tell whether views go farther by the rig's turn than by its way: mirrors put them beside its axis."""
+    centres = optics.T_rig_view[:, :3, 3]
+    by_turn = np.linalg.norm(centres @ T_a_b[:3, :3].T - centres, axis=1).max()
+    return bool(np.linalg.norm(T_a_b[:3, 3]) < by_turn)
+
+
 def shows_a_way(pairs: Pairs, optics: Optics) -> bool:
     """False for a turn on the spot, and for too small a step to tell from one."""
     share = shares(pairs.views, pairs.pure_rotation(optics)[1] > CLEAR_PARALLAX)[1]

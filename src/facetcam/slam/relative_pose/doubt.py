@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
+from facetcam.slam.relative_pose.confirmed_motion import much_alike
 from facetcam.slam.relative_pose.pairs import Pairs
 from facetcam.slam.relative_pose.proposals import view_motions
-from facetcam.slam.relative_pose.two_frames import joint_motion, much_alike, polished
+from facetcam.slam.relative_pose.two_frames import joint_motion, polished
 from facetcam.slam.relative_pose.witnesses import shares
 
 Array = NDArray[np.float64]

@@ -22,7 +22,7 @@ Index = NDArray[np.int64]
 EPIPOLAR_GATE = 2.0  # px
 CLEAR_PARALLAX = 0.01  # radians that a pure rotation cannot explain
 _SEARCH = 0.3  # of the frame's width
-_START_PARALLAX = 0.02  # radians that give a point its depth
+START_PARALLAX = 0.02  # radians that give a point its depth
 SLIGHT_PARALLAX = 0.005  # and that tell at least that there is a way
 _ROTATION_STEPS = 10
 _STILL = 1.0  # px by which pairs of a rig that stands may seem to move
@@ -117,7 +117,7 @@ class Pairs:
         return rotation.as_matrix(), angle
 
     def count_good(
-        self, T_a_b: Array, optics: Optics, gate: float, parallax: float = _START_PARALLAX
+        self, T_a_b: Array, optics: Optics, gate: float, parallax: float = START_PARALLAX
     ) -> Index:
         """Pairs of each view that fit a motion, lie in front of the view and have that parallax."""
         distance, angle = self.parallax(T_a_b, optics)
