@@ -41,8 +41,8 @@ def enough_parallax(
     """Tell whether two frames with a measured motion can start a map without the views set `aside`.
 
     Where `several` views could tell, more than one must show it. The images have confirmed the motion before,
-    so fewer pairs do than where they must find it. A turn on the spot shows slight parallax at most before what
-    is seen has left its view.
+    so fewer pairs do than where they must find it. A turn on the spot shows slight parallax at most before
+    what is seen has left its view.
     """
     spot = on_the_spot(T_a_b, optics)
     gate, parallax = (EPIPOLAR_GATE, SLIGHT_PARALLAX) if spot else (START_GATE, START_PARALLAX)
