@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,17 +11,19 @@ from slam_worlds import distinct_corners, folded, in_sight, look, pyramid, spoil
 
 from facetcam.geometry import se3
 from facetcam.slam.adjustment.adjuster import Adjuster
-from facetcam.slam.camera.frame import Corners
+from facetcam.slam.camera.frame import Corners, Frame
 from facetcam.slam.camera.optics import Optics
 from facetcam.slam.camera.pose import refine_pose
 from facetcam.slam.camera.sight import Sights
 from facetcam.slam.config import SlamConfig
 from facetcam.slam.map.map import Keyframe, Map
-from facetcam.slam.map.measure import Measurements
+from facetcam.slam.map.measure import Measurements, Predictions
 from facetcam.slam.mapping.mapper import Mapper
 from facetcam.slam.relative_pose.doubt import views_aside
 from facetcam.slam.relative_pose.pairs import Pairs
 from facetcam.slam.tracking.joint_pose import JointSight
+from facetcam.slam.tracking.relocaliser import Relocaliser
+from facetcam.slam.tracking.tracker import Tracker
 
 Array = NDArray[np.float64]
 
@@ -200,3 +204,21 @@ def test_corners_hold_a_pose_with_too_few_points(astray: int) -> None:
 )
 def test_nothing_less_holds_it(points: int, pairs: Pairs, astray: int) -> None:
     assert held(points, pairs, astray) is None
+
+
+@pytest.mark.parametrize(("expected", "found"), [(40, True), (300, False)])
+def test_a_pose_that_a_tenth_of_the_map_bears_out_is_held_by_nothing(
+    monkeypatch: pytest.MonkeyPatch, expected: int, found: bool
+) -> None:
+    """By chance some patches of many agree with any pose, and corners may be none."""
+    optics, rng, true = EYES["folded"], np.random.default_rng(10), LAST @ MOTION
+    seen, xyz = few_points(optics, true, rng, 20)
+    world = Map()
+    world.keyframes.append(Keyframe(0, 0.0, LAST, Corners.none(), None, None))
+    tracker = Tracker(world, optics, CONFIG, lambda frame: Corners.none(), cast(Relocaliser, None))
+    rows = np.arange(expected)
+    sought = Predictions(rows, rows.astype(np.int8) % 4, np.zeros((expected, 2)), np.zeros((expected, 2, 2)))
+    blurred = seen.plane + rng.normal(0.0, 1.2, seen.plane.shape)
+    sights = Sights.of_corners(xyz, seen.view, blurred)
+    monkeypatch.setattr(tracker, "_sighted", lambda *_: (sought, seen, sights))
+    assert (tracker.held(cast(Frame, None), true, np.zeros(6)) is not None) == found

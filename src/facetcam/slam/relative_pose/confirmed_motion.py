@@ -111,7 +111,7 @@ def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
 def much_alike(T: Array, T_measured: Array) -> bool:
     """False where the images would correct a motion so far that they rather deny it."""
     a, b = T[:3, 3], T_measured[:3, 3]
-    stretched = float(np.linalg.norm(a) / np.linalg.norm(b))
+    stretched = float(np.linalg.norm(a)) / max(float(np.linalg.norm(b)), STANDING)
     aside = float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
     alike = _turned(T, T_measured) < _MOST_TURNED and aside < _MOST_ASIDE
     return alike and 1.0 / _MOST_STRETCHED < stretched < _MOST_STRETCHED

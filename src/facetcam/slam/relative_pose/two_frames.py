@@ -8,12 +8,7 @@ from scipy.optimize import least_squares
 
 from facetcam.geometry import se3
 from facetcam.slam.camera.optics import Optics
-from facetcam.slam.relative_pose.degenerate import (
-    all_near,
-    shows_a_way,
-    standing_views,
-    undecided,
-)
+from facetcam.slam.relative_pose.degenerate import all_near, shows_a_way, standing_views, undecided
 from facetcam.slam.relative_pose.measured_motion import EPIPOLAR_SIGMA, MEASURED_SHARE, Measured
 from facetcam.slam.relative_pose.pairs import EPIPOLAR_GATE, SLIGHT_PARALLAX, Pairs
 from facetcam.slam.relative_pose.proposals import joint_proposal, view_motions
@@ -31,7 +26,7 @@ _LENGTH_PRIOR = 3.0
 _FITTING = 0.75  # share of the matches that the right motion explains
 _FITTING_BOTH = 0.55  # and where one view and the others have enough each that tell it
 AGREEING = 0.5  # share of a view's pairs, below which it is no witness of a motion
-_ROUNDS_OFAGREEING = 2
+_AGREEING_ROUNDS = 2
 STANDING = 1e-4  # metres
 _MOST_COLLAPSED = 4.0  # factor of a proposed length: lengths proposed span as much
 
@@ -116,7 +111,7 @@ def agreed(
 ) -> tuple[Pairs, Array]:
     """Motion polished by the views that agree with it, and their pairs; all pairs without a majority."""
     agreeing, best = pairs, T_a_b
-    for _ in range(_ROUNDS_OFAGREEING):
+    for _ in range(_AGREEING_ROUNDS):
         against = dissenting(pairs.views, pairs.fit(best, optics), AGREEING)
         agreeing = pairs if against is None else pairs.without(against)
         best = polished(best, agreeing, optics, measured)

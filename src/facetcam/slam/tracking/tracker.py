@@ -95,7 +95,8 @@ class Tracker:
         if T is None:
             return None
         pose = judged_pose(T, sights, optics, config.pixel_sigma)
-        return Fix(pose, expected, seen.take(pose.residuals < config.gate))
+        fix = Fix(pose, expected, seen.take(pose.residuals < config.gate))
+        return fix if fix.borne_out else None
 
     def confirmed(self, frame: Frame, fix: Fix, velocity: Array) -> Fix | None:
         """A pose that the corners of the last keyframe do not refute, or else the one that they show.
