@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -66,14 +68,15 @@ class WheelSteps:
         """
         neighbours = np.all(np.diff([(k.index, k.session) for k in keyframes], axis=0) == (1, 0), axis=1)
         believed = np.asarray(neighbours & believable(*_ways(keyframes), self._sigma))
-        for i in np.flatnonzero(neighbours & ~believed) if believed.any() else ():
-            believed[i] = not all(_is_placed(k, keyframes) for k in keyframes[i : i + 2])
+        for i in np.flatnonzero(neighbours & ~believed).tolist() if believed.any() else ():
+            believed[i] = not (_is_placed(i, keyframes) and _is_placed(i + 1, keyframes))
         return believed
 
 
-def _is_placed(keyframe: Keyframe, keyframes: list[Keyframe]) -> bool:
-    """Tell whether images place a keyframe against any other one."""
-    return any(k is not keyframe and shared_points(keyframe, k) >= _TIES for k in keyframes)
+def _is_placed(row: int, keyframes: list[Keyframe]) -> bool:
+    """Tell whether images place a keyframe against any other one; mostly those just before it answer."""
+    others = chain(reversed(keyframes[:row]), keyframes[row + 1 :])
+    return any(shared_points(keyframes[row], k) >= _TIES for k in others)
 
 
 def _ways(keyframes: list[Keyframe]) -> tuple[Array, Array]:
