@@ -82,7 +82,7 @@ def _confirm(pairs: Pairs, T_a_b: Array, optics: Optics) -> bool:
 
 def _turned_otherwise(pairs: Pairs, T_a_b: Array, optics: Optics) -> list[Array]:
     """A motion as it was measured, and with the turns that the images propose."""
-    proposals = [T_a_b, _on_the_spot(pairs, T_a_b, optics)]
+    proposals = [T_a_b, _with_turn_alone(pairs, T_a_b, optics)]
     whole = rig_motion(pairs, optics)
     if whole is not None:
         whole[:3, 3] *= np.linalg.norm(T_a_b[:3, 3])
@@ -103,7 +103,7 @@ def _suiting_most(pairs: Pairs, measured: Measured, optics: Optics) -> tuple[Pai
     return agreed(pairs, alike[int(np.argmax(share))], optics, measured)
 
 
-def _on_the_spot(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
+def _with_turn_alone(pairs: Pairs, T_a_b: Array, optics: Optics) -> Array:
     """A motion with the turn that explains the images best without any way."""
     return se3.from_rotation_translation(pairs.pure_rotation(optics)[0], T_a_b[:3, 3])
 
